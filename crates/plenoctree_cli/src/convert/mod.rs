@@ -97,12 +97,14 @@ pub fn run(arguments: &Arguments) -> Result {
     let (mut refined, mut refining) = (None, Duration::ZERO);
     if !arguments.no_refine {
         let start = Instant::now();
-        let mut training = [between_cameras.training, near_cameras.training].concat();
-        if !is_for_near {
-            training.extend(whole.training);
-        }
+        // Fields for views from nearby are not refined with views of the whole.
+        let first = usize::from(is_for_near);
+        let training = [whole.training, between_cameras.training, near_cameras.training];
+        let training = &training[first..];
         let shot = |camera: &PinholeCamera, image: SplatImage| Shot::new(camera, &image.pixels);
-        let shots = photograph(&splats, &training, "rendering", Some(&interruption), shot);
+        let mut shots = photograph(&splats, &training.concat(), "rendering", Some(&interruption), shot).into_iter();
+        let shots: Vec<Vec<Shot>> =
+            training.iter().map(|cameras| shots.by_ref().take(cameras.len()).collect()).collect();
         if interruption.is_requested() {
             console::complain!("warning: stopped before refining: the field is as voxelized");
         } else {
@@ -129,9 +131,7 @@ pub fn run(arguments: &Arguments) -> Result {
             console::say!(
                 "gained over white: {whole:+.2} dB, from half way {between:+.2} dB, from nearby {near:+.2} dB"
             );
-            // Fields for views from nearby are not refined with views of the whole.
-            let counting = &gains[usize::from(is_for_near)..];
-            let is_worse = counting.iter().any(|gain| *gain < -MOST_LOSS);
+            let is_worse = gains[first..].iter().any(|gain| *gain < -MOST_LOSS);
             let kept = if is_worse { 0 } else { kept };
             (field, measured) = if is_worse { (before, measured) } else { (better, after) };
             if is_worse {

@@ -5,8 +5,9 @@ use plenoctree::PlenOctree;
 use rayon::prelude::*;
 
 use super::{
+    grid::Grid,
     input::{Picture, ViewCamera},
-    train::{Model, TrainView, backdrop::Backdrop, batch::render_ray},
+    train::{TrainView, backdrop::Backdrop, batch::render_ray},
 };
 
 /// A view of the field, next to the photograph. Pixels are stored row by row, in encoded sRGB.
@@ -73,7 +74,7 @@ pub fn compare(
 }
 
 /// Returns the mean PSNR of the views, from some of their pixels, to report progress.
-pub fn quick_psnr(model: &Model, views: &[TrainView]) -> Option<f64> {
+pub fn quick_psnr(grid: &Grid, backdrop: &Backdrop, views: &[TrainView]) -> Option<f64> {
     const STRIDE: u32 = 6;
     const MOST: usize = 16;
     let every = views.len().div_ceil(MOST).max(1);
@@ -83,8 +84,8 @@ pub fn quick_psnr(model: &Model, views: &[TrainView]) -> Option<f64> {
         for y in (STRIDE / 2..camera.height).step_by(STRIDE as usize) {
             for x in (STRIDE / 2..camera.width).step_by(STRIDE as usize) {
                 let direction = camera.direction(DVec2::new(x.into(), y.into()) + 0.5);
-                let behind = model.backdrop.color(direction, Vec3::ONE);
-                let (seen, transmittance) = render_ray(&model.grid, camera.position, direction);
+                let behind = backdrop.color(direction, Vec3::ONE);
+                let (seen, transmittance) = render_ray(grid, camera.position, direction);
                 let [r, g, b, a] = view.picture.pixel(x, y);
                 let error = seen + transmittance * behind - Vec3::new(r, g, b) - (1.0 - a) * behind;
                 squared += f64::from(error.length_squared());

@@ -20,6 +20,8 @@ use super::{
 const LEAST_GAIN: f64 = 0.02;
 /// The most that rounds may lose in any group of measured shots, compared to the field before refining, in decibels.
 const MOST_LOSS: f64 = 0.05;
+/// The most by which the mean squared errors of groups of shots count as different, in decibels.
+const MOST_APART: f64 = 20.0;
 /// The largest leaves, in finest cells a side.
 const LARGEST: u32 = 32;
 /// Levels of a grid.
@@ -48,7 +50,7 @@ impl Shot {
         let bytes = |pixel: &Vec4| (255.0 * pixel.clamp(Vec4::ZERO, Vec4::ONE)).round().to_array().map(|x| x as u8);
         let picture = Picture { width, height, pixels: pixels.iter().map(bytes).collect(), knows_opacity: true };
         let camera = ViewCamera::undistorted(width, height, lens, rotation, position);
-        Self { view: TrainView { number: 0, camera, picture: Arc::new(picture) } }
+        Self { view: TrainView { number: 0, camera, picture: Arc::new(picture), weight: 1.0 } }
     }
 }
 
@@ -83,13 +85,17 @@ pub struct Refined {
 
 /// Refines `field` until it looks like the shots, on all cores of the current rayon pool.
 ///
+/// `shots` are groups, such as those from one distance. A decibel counts alike in all groups, however many shots they
+/// have: squared errors are divided by their sum in the group before refining. (A mean squared error below a hundredth
+/// of the largest group's counts as that hundredth.)
+///
 /// Leaves change density and color, and those that become empty are removed. Leaves of more than four finest cells a
 /// side are split, and eight of a cube that agree are merged, so that there are about as many as before. `measured` are
-/// groups of shots that the field is not refined to, such as those from one distance: up to 16 of each group tell what
-/// each of ten rounds gained in the mean of the groups. Refining ends when a round loses something, when the next one
-/// would gain less than 0.02 dB if gains keep falling as they did, or when `progress` is stopped. The result is the
-/// field after the best round. Rounds after which some group is worse than at first by more than 0.05 dB do not count;
-/// if none counts, the result is the field as it was. Without measured shots, it is the field after the last round.
+/// groups of shots that the field is not refined to: up to 16 of each group tell what each of ten rounds gained in the
+/// mean of the groups. Refining ends when a round loses something, when the next one would gain less than 0.02 dB if
+/// gains keep falling as they did, or when `progress` is stopped. The result is the field after the best round. Rounds
+/// after which some group is worse than at first by more than 0.05 dB do not count; if none counts, the result is the
+/// field as it was. Without measured shots, it is the field after the last round.
 ///
 /// # Errors
 ///
@@ -98,19 +104,52 @@ pub struct Refined {
 /// of harmonics up to degree 3.
 pub fn refine(
     field: &PlenOctree,
-    shots: Vec<Shot>,
+    shots: Vec<Vec<Shot>>,
     measured: &[Vec<Shot>],
     settings: &RefineSettings,
     progress: &FitProgress,
 ) -> Result<Refined, FitError> {
-    if shots.len() < 2 {
-        return Err(FitError::Views { found: shots.len().to_string(), expected: "at least two shots" });
+    let count: usize = shots.iter().map(Vec::len).sum();
+    if count < 2 {
+        return Err(FitError::Views { found: count.to_string(), expected: "at least two shots" });
     }
     let grid = Grid::of_field_or_error(field, LARGEST)?;
+    let shots = balanced(&grid, shots);
     let rounds = Stage::refining(grid.resolution(), settings.effort, settings.time);
     let (grid, rounds, kept) = refine_by(grid, &mut gallery(shots), measured, &rounds, settings.seed, progress)?;
     let refined = to_merged_field(&grid, field.leaves())?;
     Ok(Refined { field: refined.with_up(field.up()).with_precision(field.precision()), rounds, kept })
+}
+
+/// Returns the shots of all groups, with [`weights`] by the PSNR of the grid.
+fn balanced(grid: &Grid, groups: Vec<Vec<Shot>>) -> Vec<Shot> {
+    let measure = |shots: Vec<Shot>| {
+        let psnr = quick_psnr(grid, &Backdrop::Random, &views(&shots))?;
+        Some((shots, psnr))
+    };
+    // A group without shots has no PSNR.
+    let (mut groups, psnrs): (Vec<Vec<Shot>>, Vec<f64>) = groups.into_iter().filter_map(measure).unzip();
+    let pixels = |shot: &Shot| f64::from(shot.view.camera.width) * f64::from(shot.view.camera.height);
+    let pixels: Vec<f64> = groups.iter().map(|shots| shots.iter().map(pixels).sum::<f64>()).collect();
+    for (shots, weight) in groups.iter_mut().zip(weights(&psnrs, &pixels)) {
+        shots.iter_mut().for_each(|shot| shot.view.weight = weight);
+    }
+    groups.into_iter().flatten().collect()
+}
+
+/// Returns the weights of groups with these PSNRs and numbers of pixels: in proportion to the inverse of the sum of a
+/// group's squared errors, so that a decibel counts alike in each. Their mean over all pixels is 1.
+fn weights(psnrs: &[f64], pixels: &[f64]) -> Vec<f32> {
+    let least = psnrs.iter().copied().fold(f64::INFINITY, f64::min);
+    let inverses: Vec<f64> = psnrs.iter().map(|psnr| 10f64.powf(0.1 * (psnr - least).min(MOST_APART))).collect();
+    let (all_inverses, all_pixels): (f64, f64) = (inverses.iter().sum(), pixels.iter().sum());
+    let weight = |(inverse, pixels): (&f64, &f64)| (inverse / all_inverses / (pixels / all_pixels)) as f32;
+    inverses.iter().zip(pixels).map(weight).collect()
+}
+
+/// Returns the views of the shots.
+fn views(shots: &[Shot]) -> Vec<TrainView> {
+    shots.iter().map(|shot| shot.view.clone()).collect()
 }
 
 /// Returns a gallery of the shots.
@@ -129,10 +168,10 @@ pub(super) fn refine_by(
     seed: u64,
     progress: &FitProgress,
 ) -> Result<(Grid, Vec<RoundReport>, usize), FitError> {
-    let measured: Vec<Vec<TrainView>> =
-        measured.iter().map(|shots| shots.iter().map(|shot| shot.view.clone()).collect()).collect();
-    let measure =
-        |model: &Model| -> Vec<f64> { measured.iter().filter_map(|views| quick_psnr(model, views)).collect() };
+    let measured: Vec<Vec<TrainView>> = measured.iter().map(|shots| views(shots)).collect();
+    let measure = |model: &Model| -> Vec<f64> {
+        measured.iter().filter_map(|views| quick_psnr(&model.grid, &model.backdrop, views)).collect()
+    };
     let gains = vec![Vec3::ONE; gallery.len()];
     let mut model = Model { grid, backdrop: Backdrop::Random, gains };
     let mut random = Random::new(seed);
@@ -253,6 +292,23 @@ impl Grid {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// However many pixels groups have, their squared errors add up to the same, unless errors differ too much.
+    #[test]
+    fn weights_make_decibels_count_alike() {
+        assert_eq!(weights(&[31.7], &[123.0]), [1.0]);
+        let (psnrs, pixels) = ([20.0, 30.0, 100.0, 40.0], [200.0, 100.0, 100.0, 50.0]);
+        let found: Vec<f64> = weights(&psnrs, &pixels).into_iter().map(f64::from).collect();
+        let mean = found.iter().zip(pixels).map(|(weight, pixels)| weight * pixels).sum::<f64>() / 450.0;
+        assert!((mean - 1.0).abs() < 1e-6, "{found:?}");
+        let errors: Vec<f64> =
+            (0..4).map(|group| found[group] * pixels[group] * 10f64.powf(-0.1 * psnrs[group])).collect();
+        for group in [1, 3] {
+            assert!((errors[group] / errors[0] - 1.0).abs() < 1e-6, "{errors:?}");
+        }
+        // The third counts as if its PSNR was 40 dB.
+        assert!((found[2] / found[3] - 0.5).abs() < 1e-6, "{found:?}");
+    }
 
     /// Converting a field to a grid and back restores it, whatever the sizes of its leaves.
     #[test]

@@ -151,7 +151,7 @@ pub fn fit(
         let mut watch = |model: &Model, position: &Position, fraction: f64, random: &Random| {
             if fraction >= measured_at + 0.1 {
                 measured_at = fraction;
-                psnr = quick_psnr(model, &measured);
+                psnr = quick_psnr(&model.grid, &model.backdrop, &measured);
             }
             progress.update(|status| {
                 status.stage = format!("{0}^3", stage.resolution);
@@ -167,7 +167,8 @@ pub fn fit(
             }
         };
         train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
-        report.stages.push(StageReport::new(&model, &position, quick_psnr(&model, &measured)));
+        let psnr = quick_psnr(&model.grid, &model.backdrop, &measured);
+        report.stages.push(StageReport::new(&model, &position, psnr));
         if !progress.is_stopped() {
             position = Position { stage: position.stage + 1, ..Position::default() };
         }
@@ -261,7 +262,7 @@ fn downscaled(views: &[View], downscale: u32) -> Result<Vec<ViewCamera>, FitErro
 fn load(view: &View, number: usize, settings: &FitSettings) -> Result<TrainView, FitError> {
     let picture = Picture::read(&view.picture, view.mask.as_deref(), settings.downscale)?;
     let camera = downscaled(std::slice::from_ref(view), settings.downscale)?.remove(0);
-    Ok(TrainView { number, camera, picture: Arc::new(picture) })
+    Ok(TrainView { number, camera, picture: Arc::new(picture), weight: 1.0 })
 }
 
 /// Loads some views to measure while training. Reads all, so that a damaged one is found before training.
