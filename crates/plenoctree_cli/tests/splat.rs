@@ -197,15 +197,18 @@ fn refined_fields_are_no_worse_from_any_distance() {
     let capture = capture(&folder);
     let out = folder.join("prop.npz");
     let shared = ["--depth", "6", "--picture-size", "64", "--sample-fraction", "0.2", "--effort", "0.05"];
-    let printed = succeed(&[&["convert", &capture, "--out", text(&out)], &shared[..]].concat());
-    assert!(printed.contains("gained over white") && printed.contains(" kept"), "{printed}");
+    let output = run(&[&["convert", &capture, "--out", text(&out)], &shared[..]].concat());
+    let [printed, warnings] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+    assert!(output.status.success() && printed.contains("gained over white") && printed.contains(" kept"), "{printed}");
     let report: Value = serde_json::from_slice(&fs::read(folder.join("report.json")).unwrap()).unwrap();
     for distance in ["psnr_db", "between_psnr_db", "near_psnr_db"] {
         let psnr = |part: &str| report[part][distance]["white"].as_f64().unwrap();
         assert!(psnr("refined") >= psnr("voxelized") - 0.1, "{report}");
     }
     let rounds = report["refined"]["rounds"].as_array().unwrap();
-    assert!(report["refined"]["kept"].as_u64().unwrap() <= rounds.len() as u64, "{report}");
+    let kept = report["refined"]["kept"].as_u64().unwrap();
+    assert!(kept <= rounds.len() as u64, "{report}");
+    assert_eq!(warnings.contains("the field is as voxelized"), kept == 0, "{warnings}{report}");
     assert!(rounds.iter().all(|round| round["group_psnr_db"].as_array().unwrap().len() == 3), "{report}");
     let leaves = PlenOctree::read(&out, &LoadSettings::default()).unwrap().leaves();
     assert_eq!(report["refined"]["leaves"], leaves);

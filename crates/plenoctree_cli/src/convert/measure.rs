@@ -64,7 +64,8 @@ impl Standard {
         Measured { whole, between, near }
     }
 
-    /// Returns the pictures from each distance, to refine fields by: all, or those from nearby and from half way.
+    /// Returns the pictures from each distance, to measure rounds of refining by: all, or those from half way and from
+    /// nearby.
     pub fn shots(&self, all: bool) -> Vec<Vec<Shot>> {
         let shots = |pictures: &Pictures| -> Vec<Shot> {
             let both = pictures.cameras.iter().zip(&pictures.images);

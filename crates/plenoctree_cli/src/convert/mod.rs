@@ -131,13 +131,13 @@ pub fn run(arguments: &Arguments) -> Result {
             console::say!(
                 "gained over white: {whole:+.2} dB, from half way {between:+.2} dB, from nearby {near:+.2} dB"
             );
-            let is_worse = gains[first..].iter().any(|gain| *gain < -MOST_LOSS);
+            let is_worse = kept == 0 || gains[first..].iter().any(|gain| *gain < -MOST_LOSS);
             let kept = if is_worse { 0 } else { kept };
             (field, measured) = if is_worse { (before, measured) } else { (better, after) };
             if is_worse {
                 console::complain!(
-                    "warning: refining loses more than {MOST_LOSS} dB at one distance: the field is as voxelized; with \
-                     --near, it can be refined for another distance"
+                    "warning: refining makes the field look worse from some distance: the field is as voxelized; --near \
+                     says which distance matters"
                 );
             }
             let mut report = measured.json(&field);

@@ -117,6 +117,10 @@ pub fn refine(
     let shots = balanced(&grid, shots);
     let rounds = Stage::refining(grid.resolution(), settings.effort, settings.time);
     let (grid, rounds, kept) = refine_by(grid, &mut gallery(shots), measured, &rounds, settings.seed, progress)?;
+    // Merging would change even a grid that is as it was.
+    if kept == 0 {
+        return Ok(Refined { field: field.clone(), rounds, kept });
+    }
     let refined = to_merged_field(&grid, field.leaves())?;
     Ok(Refined { field: refined.with_up(field.up()).with_precision(field.precision()), rounds, kept })
 }
