@@ -19,8 +19,10 @@ const DETAIL: f32 = 0.1;
 const AROUND: i32 = 5;
 // The bits of the AROUND x AROUND pixels that are not the last of their row.
 const NOT_LAST: u32 = 0x7bdefu;
-// A seam is between two other labels: the way by its color is at most this many times as long as the direct one.
+// A seam lies between two labels of other ramps: the way by its color is at most this many times as long as the direct
+// one, and leads at most this far aside.
 const DETOUR: f32 = 1.2;
+const ASIDE: f32 = 0.12;
 const NO_LABEL: u32 = 0xffffffffu;
 
 // Returns the label of a pixel, as the label pass writes it, if a prop owns it.
@@ -128,14 +130,15 @@ fn bordered(
     // line. Those of the same two materials smooth the border.
     let own_ramps = vec4(ramps[0], ramps[1], ramps[2], ramps[3]);
     var is_seam = vec4(false);
-    if count > 2u || farther != NO_LABEL {
-        for (var i = 0u; i < 5u; i++) {
-            for (var k = 0u; k < i; k++) {
-                let way = distances(places[i], places) + distances(places[k], places);
-                let is_between = way < vec4(DETOUR * distance(places[i], places[k]));
-                let is_third = (own_ramps != vec4(ramps[i])) & (own_ramps != vec4(ramps[k])) & (own_ramps < vec4(RAMPS));
-                is_seam = is_seam | (is_line & is_between & is_third);
-            }
+    var apart: array<vec4<f32>, 5>;
+    for (var i = 0u; i < select(0u, 5u, count > 2u || farther != NO_LABEL); i++) {
+        apart[i] = distances(places[i], places);
+        for (var k = 0u; k < i; k++) {
+            let direct = apart[i][k];
+            let longest = min(DETOUR * direct, sqrt(direct * direct + 4.0 * ASIDE * ASIDE));
+            let is_between = apart[i] + apart[k] < vec4(select(0.0, longest, ramps[i] != ramps[k]));
+            let is_third = (own_ramps != vec4(ramps[i])) & (own_ramps != vec4(ramps[k])) & (own_ramps < vec4(RAMPS));
+            is_seam = is_seam | (is_line & is_between & is_third);
         }
     }
     var nearest = 0u;

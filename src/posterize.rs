@@ -108,7 +108,8 @@ pub enum EdgeSmoothing {
 pub enum BorderSmoothing {
     /// Borders run where interpolated colors are equally near to two labels: along a straight line within each pixel.
     /// The labels on both sides are blended in linear light, by the share of the pixel that they cover. Islands of up
-    /// to three pixels take the label around them. Labels that blend into one another ([`Posterize::softness`]) have no
+    /// to three pixels take the label around them. Lines of one pixel between two ramps that have the color of a third
+    /// go to these two. Labels that blend into one another ([`Posterize::softness`]) have no
     /// borders, and are drawn as with [`BorderSmoothing::Off`]. This is the default.
     #[default]
     Interpolated,

@@ -143,23 +143,25 @@ impl PaletteOverride {
     }
 
     /// Moves ramps of the field's palette on this entity so that labels get given colors, like
-    /// [`FieldPalette::recolor`]. Overrides all colors of ramps that have a wish and are not in `locked`, even if they
-    /// show what was wished already: wishes are the entity's own, and outlast changes of the field's palette. Later
-    /// adjustments of these ramps only show once their colors are [`unset`](Self::unset).
+    /// [`FieldPalette::recolor`]. Overrides all colors of ramps that have a wish and are not in `locked`, and colors in
+    /// no ramp that have one, even if they show what was wished already: wishes are the entity's own, and outlast
+    /// changes of the field's palette. Later adjustments of these ramps only show once their colors are
+    /// [`unset`](Self::unset).
     ///
     /// Returns an error that says which wishes cannot be met. The colors then come as near to all of them as possible.
     pub fn recolor(&mut self, palette: &FieldPalette, wishes: &[Wish], locked: &[usize]) -> Result<(), UnmetWishes> {
         let mut recolored = palette.clone();
         recolored.show(self.shown(palette));
         let result = recolored.recolor(wishes, locked);
-        let has = |wish: &&Wish| wish.label.first.max(wish.label.second) < palette.shown().len();
-        let is_wished = |tone: usize| {
-            wishes.iter().filter(has).any(|Wish { label, .. }| [label.first, label.second].contains(&tone))
-        };
+        let has = |wish: &Wish| wish.label.first.max(wish.label.second) < palette.shown().len();
+        let is_of = |wish: &Wish, tone: usize| has(wish) && [wish.label.first, wish.label.second].contains(&tone);
+        let is_wished = |tone: usize| wishes.iter().any(|wish| is_of(wish, tone));
+        let unmet = result.as_ref().err();
+        let is_met = |at: usize| unmet.is_none_or(|error| error.unmet.iter().all(|unmet| unmet.wish != at));
         let is_own = |tone: usize| match palette.palette().ramp_of(tone) {
             Some(ramp) => !locked.contains(&ramp) && palette.ramps()[ramp].tones.iter().any(|tone| is_wished(*tone)),
             // Colors in no ramp never move, but may show what was wished.
-            None => result.is_ok() && is_wished(tone),
+            None => wishes.iter().enumerate().any(|(at, wish)| is_of(wish, tone) && is_met(at)),
         };
         for (index, color) in recolored.shown().iter().enumerate().filter(|(index, _)| is_own(*index)) {
             self.set(index, *color);

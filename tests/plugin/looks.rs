@@ -166,7 +166,7 @@ fn no_third_label_lines_a_border() {
             let index = if side > 0.0 { 1 } else { 2 * usize::from(at.dot(slope) > 0.05) };
             DVec3::from(TONES[index])
         };
-        let mut look = Look::of(TONES, 8, 0.66, color);
+        let mut look = Look::of(TONES, 8, 0.68, color);
         let mut palette = of_tones(&TONES);
         palette.ramps = (0..3).map(|tone| Ramp { name: format!("material {tone}"), tones: vec![tone] }).collect();
         look.0.paint(FieldPalette::new(palette));

@@ -86,6 +86,7 @@ fn packed_fields_come_back() {
         assert_eq!(pack(&field, &PackSettings::default()).field().histograms(&settings), None);
         assert_eq!(pack(&again, &PackSettings::default()).field().histograms(&settings), None);
         assert_eq!((again.basis(), again.up(), again.frame()), (basis, UpAxis::Y, field.frame()));
+        assert_eq!(again.leaves(), packed.field().leaves());
         // Packed again, with every number already a multiple of its step.
         assert!(psnr(&again, pack(&again, &PackSettings::FINE).field()) > 40.0);
     }

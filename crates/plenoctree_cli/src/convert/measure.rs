@@ -16,7 +16,7 @@ const CLEAR: f64 = 0.01;
 pub struct Standard {
     /// From where the whole is in view.
     pub whole: Pictures,
-    /// From half way in between, as a multiple.
+    /// From halfway in between, as a multiple.
     pub between: Pictures,
     /// From nearby.
     pub near: Pictures,
@@ -64,7 +64,7 @@ impl Standard {
         Measured { whole, between, near }
     }
 
-    /// Returns the pictures from each distance, to measure rounds of refining by: all, or those from half way and from
+    /// Returns the pictures from each distance, to measure rounds of refining by: all, or those from halfway and from
     /// nearby.
     pub fn shots(&self, all: bool) -> Vec<Vec<Shot>> {
         let shots = |pictures: &Pictures| -> Vec<Shot> {
@@ -147,7 +147,7 @@ impl Measured {
     }
 
     /// Returns what this field gains over another one at each distance, in the mean PSNR over white, in decibels: from
-    /// where the whole is in view, from half way and from nearby.
+    /// where the whole is in view, from halfway and from nearby.
     pub fn gains(&self, before: &Self) -> [f64; 3] {
         let psnrs = |measured: &Self| [&measured.whole, &measured.between, &measured.near].map(|views| views.psnr[0]);
         let (before, after) = (psnrs(before), psnrs(self));
@@ -166,7 +166,7 @@ impl fmt::Display for Measured {
         let [[whole, black], [between, between_black], [near, near_black]] =
             [&self.whole, &self.between, &self.near].map(|compared| compared.psnr);
         write!(f, "{whole:.2} dB over white and {black:.2} dB over black, ")?;
-        write!(f, "from half way {between:.2} dB and {between_black:.2} dB, ")?;
+        write!(f, "from halfway {between:.2} dB and {between_black:.2} dB, ")?;
         write!(f, "from nearby {near:.2} dB and {near_black:.2} dB")
     }
 }

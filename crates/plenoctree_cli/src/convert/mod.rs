@@ -129,7 +129,7 @@ pub fn run(arguments: &Arguments) -> Result {
             let gains = after.gains(&measured);
             let [whole, between, near] = gains;
             console::say!(
-                "gained over white: {whole:+.2} dB, from half way {between:+.2} dB, from nearby {near:+.2} dB"
+                "gained over white: {whole:+.2} dB, from halfway {between:+.2} dB, from nearby {near:+.2} dB"
             );
             let is_worse = kept == 0 || gains[first..].iter().any(|gain| *gain < -MOST_LOSS);
             let kept = if is_worse { 0 } else { kept };
