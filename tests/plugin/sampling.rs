@@ -146,9 +146,9 @@ fn solid_fields_have_palettes() {
     for (observers, depth, size, density) in [
         (ObserverRegion::UpperHemisphere, 4, 1.0, 1e4),
         (ObserverRegion::Sphere, 5, 1.0, 1e7),
-        (ObserverRegion::Sphere, 5, 1.0, 1e30),
-        (ObserverRegion::Sphere, 5, 32.0, 3e38),
-        (ObserverRegion::Sphere, 5, 2f64.powi(50), 1e26),
+        (ObserverRegion::Sphere, 4, 1.0, 1e30),
+        (ObserverRegion::Sphere, 4, 32.0, 3e38),
+        (ObserverRegion::Sphere, 4, 2f64.powi(50), 1e26),
     ] {
         let settings = BakeSettings {
             depth,
