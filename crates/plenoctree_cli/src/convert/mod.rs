@@ -132,17 +132,18 @@ pub fn run(arguments: &Arguments) -> Result {
                 "gained over white: {whole:+.2} dB, from halfway {between:+.2} dB, from nearby {near:+.2} dB"
             );
             let is_worse = kept == 0 || gains[first..].iter().any(|gain| *gain < -MOST_LOSS);
-            let kept = if is_worse { 0 } else { kept };
-            (field, measured) = if is_worse { (before, measured) } else { (better, after) };
             if is_worse {
+                field = before;
                 console::complain!(
                     "warning: refining makes the field look worse from some distance: the field is as voxelized; --near \
                      says which distance matters"
                 );
+            } else {
+                (field, measured) = (better, after);
             }
             let mut report = measured.json(&field);
             report["rounds"] = serde_json::to_value(&rounds)?;
-            report["kept"] = kept.into();
+            report["kept"] = if is_worse { 0 } else { kept }.into();
             refined = Some(report);
             measuring += start.elapsed();
         }
