@@ -36,6 +36,8 @@
 struct Behind {
     // In linear light, with opacity.
     shown: vec4<f32>,
+    // The same without haze, which is in front of nothing else: what shows through an owner.
+    bare: vec4<f32>,
     // Before it is posterized, in encoded sRGB.
     composite: vec3<f32>,
 }
@@ -45,7 +47,11 @@ fn behind_at(pixel: vec2<u32>) -> Behind {
     let seen = textureLoad(shown, pixel, 0);
     // Where nothing is drawn, the composite is the scene.
     let alpha = max(seen.a, 0.0);
-    var behind = Behind(vec4(decode(select(value.color, seen.rgb, seen.a >= 0.0)), alpha), value.color);
+    let shown = vec4(decode(select(value.color, seen.rgb, seen.a >= 0.0)), alpha);
+    var behind = Behind(shown, shown, value.color);
+    if value.owner == 0u {
+        behind.bare = vec4(decode(from_target(textureLoad(scene, pixel + view.corner, 0).rgb)), 0.0);
+    }
     let owners = textureLoad(outline, pixel, 0).xy;
     let thinned = textureLoad(own_rays, pixel, 0);
     // See `thinned` of `coverage.wgsl`.
@@ -84,7 +90,7 @@ const ACROSS: f32 = 0.025;
 const NEIGHBORS: f32 = 4.0 * (BESIDE + ACROSS);
 
 fn around(pixel: vec2<u32>, owners: vec2<u32>, ink: vec2<f32>) -> Around {
-    var found = Around(Behind(vec4(0.0), vec3(0.0)), false, vec4(0.0), NEIGHBORS);
+    var found = Around(Behind(vec4(0.0), vec4(0.0), vec3(0.0)), false, vec4(0.0), NEIGHBORS);
     var total = 0.0;
     for (var i = 0; i < 8; i++) {
         let at = vec2<u32>(neighbor(vec2<i32>(pixel), i));
@@ -97,6 +103,7 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>, ink: vec2<f32>) -> Around {
                 let share = 1.0 + f32(RAYS - countOneBits(rays.r | rays.b));
                 let weight = share * share;
                 found.behind.shown += weight * there.shown;
+                found.behind.bare += weight * there.bare;
                 found.behind.composite += weight * there.composite;
                 total += weight;
             } else {
@@ -108,6 +115,7 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>, ink: vec2<f32>) -> Around {
     }
     found.is_known = total > 0.0;
     found.behind.shown /= max(total, 1.0);
+    found.behind.bare /= max(total, 1.0);
     found.behind.composite /= max(total, 1.0);
     return found;
 }
@@ -152,8 +160,11 @@ fn posterized(pixel: vec2<u32>, rays: vec4<f32>, owner: u32, behind: Behind, ink
     let over = select(composite, rays.rgb / max(rays.a, 1e-6), are_tones(owner - 1u));
     let shade = shade_of_owner(pixel, owner);
     let label = assign(place_of_color(owner - 1u, over), owner - 1u, shade.light);
-    let color = decode(tinted(label.color, props[owner - 1u].tint * shade.tint));
-    return with_ink(owner, mix(behind.shown, vec4(color, 1.0), shown_opacity(owner - 1u, rays.a)), ink);
+    let color = tinted(label.color, props[owner - 1u].tint * shade.tint);
+    // What shows through is blended in encoded sRGB, as within pixels that are not at edges.
+    let opacity = shown_opacity(owner - 1u, rays.a);
+    let seen = decode(mix(encode(behind.bare.rgb), color, opacity));
+    return with_ink(owner, vec4(seen, mix(behind.bare.a, 1.0, opacity)), ink);
 }
 
 // Returns what is seen of an owner, in linear light, with opacity, with ink that covers a part of it.
@@ -227,7 +238,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
             behind = around.behind;
         } else if is_slit {
             let color = from_target(textureLoad(scene, pixel + view.corner, 0).rgb);
-            behind = Behind(vec4(decode(color), 0.0), color);
+            let bare = vec4(decode(color), 0.0);
+            behind = Behind(bare, bare, color);
         }
     }
     // What parts of props show, and how much what is behind them and the center count.

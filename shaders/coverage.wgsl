@@ -8,7 +8,8 @@
 #import bevy_plenoctree::radiance::{Harmonics, harmonics, radiance}
 #import bevy_plenoctree::scene::scene_depth_at
 #import bevy_plenoctree::view::{
-    FAR_AWAY, LEAST_SOLID_DEPTH, Prop, depth_from_distance, is_solid, owner_of, props, view, distance_from_depth,
+    FAR_AWAY, LEAST_SOLID_DEPTH, Prop, depth_from_distance, is_in_haze, is_solid, owner_of, props, view,
+    distance_from_depth,
 }
 
 // The result of the outline pass.
@@ -115,17 +116,20 @@ fn thinned(center: vec4<f32>, rays: vec4<f32>) -> vec4<f32> {
 const LEAD: f32 = 4.0;
 
 // Returns where rays through a pixel begin: a little in front of the solid part of the prop there and around it.
-// Whatever is in front of that is haze, which says nothing about coverage. Where the prop is all around, as at slits, that
-// may be glass, through which its other parts are seen. Rays then begin at the box.
+// Whatever is in front of that is haze, which says nothing about coverage. Where there is nothing but haze, rays begin at
+// the box, and where the prop is all around, as at slits: there it may be glass, through which its other parts are seen.
 fn start(pixel: vec2<i32>, index: u32, prop: Prop) -> f32 {
     var nearest = FAR_AWAY;
     var farthest = -FAR_AWAY;
     var is_inside = true;
+    var is_opaque = false;
     for (var i = 0; i < 9; i++) {
         let at = clamp(pixel + vec2(i % 3 - 1, i / 3 - 1), vec2(0), vec2<i32>(view.size) - 1);
         let solid = textureLoad(depth, at, 0);
-        let is_same = owner_of(textureLoad(owner, at, 0)) == index + 1u;
+        let texel = textureLoad(owner, at, 0);
+        let is_same = owner_of(texel) == index + 1u;
         is_inside = is_inside && is_same;
+        is_opaque = is_opaque || (is_same && !is_in_haze(texel));
         if is_solid(solid) && is_same {
             let distance = distance_from_depth(solid);
             nearest = min(nearest, distance);
@@ -136,7 +140,7 @@ fn start(pixel: vec2<i32>, index: u32, prop: Prop) -> f32 {
     let before = (2.0 * nearest - farthest - prop.near) * ray_at(prop, vec2<f32>(pixel) + 0.5).length;
     let scale = prop.scale;
     let cell = 1.0 / (max(max(scale.x, scale.y), scale.z) * f32(1u << field.depth));
-    return select(0.0, before - LEAD * cell, nearest < FAR_AWAY && !is_inside);
+    return select(0.0, before - LEAD * cell, nearest < FAR_AWAY && is_opaque && !is_inside);
 }
 
 // Distances in the pixels of an owner are relative to this depth, so that they are as exact as depths, no matter how

@@ -4,7 +4,7 @@
 #import bevy_plenoctree::color::{decode, encode, tone_space}
 #import bevy_plenoctree::filter_texel::{Pixel, TONE}
 #import bevy_plenoctree::shade::{Light, shade_in}
-#import bevy_plenoctree::view::{colors, labelings}
+#import bevy_plenoctree::view::{OPAQUE, colors, labelings}
 
 // A label: a blend of the palette colors `first` and `second`, where `share` is the weight of `first`.
 struct Label {
@@ -27,9 +27,6 @@ struct Nearest {
 fn are_tones(prop: u32) -> bool {
     return labelings[prop].first_place != labelings[prop].first_color;
 }
-
-// The opacity from which posterized pixels are opaque. Matches `posterize.rs` of the reference.
-const OPAQUE: f32 = 0.9;
 
 // Returns how opaque a posterized prop is where it was trained to have an opacity. Tones are shown over what is behind
 // them, so that haze and glass stay what they are. Other labels are opaque.

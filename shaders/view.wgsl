@@ -188,10 +188,21 @@ fn unpack_owner(texel: vec4<f32>) -> u32 {
 // Marks the owner of a pixel that is drawn as trained, which matters only for the lights that fall on it.
 const AS_TRAINED: u32 = 0x10000u;
 
+// Marks the owner of a pixel that shows what is behind it, too, as haze and glass do.
+const IN_HAZE: u32 = 0x20000u;
+
+// The opacity from which posterized pixels are opaque. Matches `posterize.rs` of the reference.
+const OPAQUE: f32 = 0.9;
+
 // Returns the owner of a posterized pixel, or 0.
 fn owner_of(texel: vec4<f32>) -> u32 {
-    let owner = unpack_owner(texel);
+    let owner = unpack_owner(texel) & ~IN_HAZE;
     return select(owner, 0u, owner >= AS_TRAINED);
+}
+
+// Returns whether the owner of a pixel shows what is behind it.
+fn is_in_haze(texel: vec4<f32>) -> bool {
+    return (unpack_owner(texel) & IN_HAZE) != 0u;
 }
 
 // Returns the owner of a pixel, posterized or as trained, or 0.

@@ -8,7 +8,7 @@
 #import bevy_plenoctree::recolor::recolored
 #endif
 #import bevy_plenoctree::view::{
-    AS_TRAINED, is_solid_prop, labelings, motion_of, pack_owner, pack_haze, props, shows_through, view,
+    AS_TRAINED, IN_HAZE, OPAQUE, is_solid_prop, labelings, motion_of, pack_owner, pack_haze, props, shows_through, view,
 }
 
 #ifdef OVERLAPPING
@@ -149,10 +149,11 @@ fn fragment(in: Varying) -> Fragment {
 #else
     let owner = posterized;
 #endif
+    let haze_mark = select(0u, IN_HAZE, owner > 0u && opacity < OPAQUE);
     return Fragment(
         to_half(vec4(color, opacity)),
 #ifdef OWNERS
-        vec4(pack_owner(owner), 0.0, select(0.0, 1.0, covers)),
+        vec4(pack_owner(owner | haze_mark), 0.0, select(0.0, 1.0, covers)),
 #endif
         select(haze, depth, depth > 0.0),
 #ifdef MOTION

@@ -375,6 +375,31 @@ fn edges_have_colors_between_those_on_both_sides_and_others_stay() {
     }
 }
 
+/// Haze that ends softly looks like haze at its edges, too: neither what shows through it nor what is in front of its
+/// densest part makes a line of other pixels where posterization begins.
+#[test]
+fn smooth_edges_draw_no_line_in_haze() {
+    let mut stage = Stage::new(SIZE);
+    let dark = DVec3::splat(0.05);
+    stage.spawn_prop(&colored(6, |at| 12.0 * (-6.0 * at.length_squared()).exp(), |_| dark), ());
+    let mut palette = Palette::new(vec![dark.to_array()]).unwrap();
+    palette.method = Some(PaletteMethod::Tones);
+    stage.paint(FieldPalette::new(palette));
+    stage.set_background(Color::WHITE);
+    stage.set(Transform::from_xyz(0.3, 0.5, 2.4).looking_at(Vec3::ZERO, Vec3::Y));
+    let mut capture = |edges| {
+        stage.dress(Posterize { edges, ..Posterize::toon() });
+        stage.wait();
+        stage.capture()
+    };
+    let [hard, smooth] = [EdgeSmoothing::Off, EdgeSmoothing::Coverage].map(&mut capture);
+    let changed = differing(&hard, &smooth, 0);
+    let worst = hard.pixels().zip(smooth.pixels()).map(|(hard, smooth)| hard[0].abs_diff(smooth[0])).max().unwrap();
+    println!("{changed} pixels are smoothed, by at most {worst} of 255");
+    assert!(changed > 100, "{changed}");
+    assert!(worst < 12, "{worst}");
+}
+
 /// Slits of the drum, which the rays through the centers of pixels do not get through, show what is behind. If another
 /// prop may be behind them, they show nothing.
 #[test]
