@@ -72,7 +72,6 @@ impl Shaders {
             "see",
             "shade",
             "shadow",
-            "shadow_tile",
             "smooth_light",
             "solid",
             "space",

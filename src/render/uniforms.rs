@@ -1,4 +1,4 @@
-//! The uniforms that `view.wgsl` and `shadow_tile.wgsl` declare.
+//! The uniforms that `view.wgsl` declares.
 
 use bevy::{prelude::*, render::render_resource::ShaderType};
 use glam::{DMat4, DVec2};
@@ -94,7 +94,13 @@ impl PropUniform {
         Self { reference: self.reference + shift.as_vec2(), near, ..*self }
     }
 
-    /// Returns the same caster, drawn to a part of a texture. See `shadow.wgsl`.
+    /// Creates the uniform of a tile that begins at a texel of a map, and whose distances begin at one along the axis.
+    #[cfg(feature = "shadows")]
+    pub fn tile(corner: IVec2, near: f32) -> Self {
+        Self { reference: corner.as_vec2(), near, ..default() }
+    }
+
+    /// Returns the same caster or tile, drawn to a part of a texture. See `shadow.wgsl`.
     #[cfg(feature = "shadows")]
     pub fn drawn_to(&self, clip_from_part: Mat4) -> Self {
         Self { clip_from_box: clip_from_part, ..*self }
@@ -253,15 +259,6 @@ pub(super) struct ScreenUniform {
     pub view_posterize: u32,
 }
 
-/// A part of a shadow map to which a tile is copied. Matches `Tile` in `shadow_tile.wgsl`.
-#[cfg_attr(test, derive(Reflect))]
-#[derive(ShaderType, Clone, Copy, Default)]
-pub(super) struct TileUniform {
-    pub clip_from_part: Mat4,
-    pub corner: IVec2,
-    pub near: f32,
-}
-
 /// The part of a viewport that is drawn, in pixels. Its pixels are counted from its own corner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Rect {
@@ -307,6 +304,5 @@ mod tests {
         assert_layout!(ScreenUniform, "view", "Screen");
         assert_layout!(FilterUniform, "view", "Filter");
         assert_layout!(LabelsUniform, "view", "Labels");
-        assert_layout!(TileUniform, "shadow_tile", "Tile");
     }
 }

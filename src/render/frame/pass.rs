@@ -127,7 +127,7 @@ pub(in crate::render) enum FirstGroup {
     Batches(u32),
     /// Bevy's lights and fog.
     Lights,
-    /// A shadow map, its props, and its tiles.
+    /// A shadow map, and its props.
     Map,
 }
 

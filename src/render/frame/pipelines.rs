@@ -22,7 +22,7 @@ use super::{
 };
 use crate::{
     gpu::{FieldLayouts, Shaders, TreeShape, pipelines},
-    render::uniforms::{FilterUniform, LabelsUniform, PropUniform, ScreenUniform, TileUniform, ViewUniform},
+    render::uniforms::{FilterUniform, LabelsUniform, PropUniform, ScreenUniform, ViewUniform},
 };
 
 /// The systems in `RenderStartup` that create what pipelines have in common.
@@ -164,7 +164,6 @@ impl Pipelines {
         ];
         if group == FirstGroup::Map {
             entries.truncate(2);
-            entries.push(storage_buffer_read_only::<Vec<TileUniform>>(false).build(2, both));
         }
         match group.samples() {
             Some(1) => entries.push(texture_depth_2d().build(7, fragment)),

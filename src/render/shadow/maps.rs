@@ -22,7 +22,7 @@ use crate::{
     render::{
         extract::ExtractedProps,
         frame::{BindGroups, FirstGroup, Pipelines, TILE_FORMAT},
-        uniforms::{PropUniform, TileUniform, ViewUniform},
+        uniforms::{PropUniform, ViewUniform},
     },
 };
 
@@ -37,20 +37,12 @@ pub(super) struct MapProps {
     pub cached: CachedCasters,
     allocator: Allocator,
     view: WrittenBuffer,
-    /// What rays are marched through, into the map or into tiles.
-    marched: Uniforms<PropUniform>,
-    /// The tiles that are copied.
-    copied: Uniforms<TileUniform>,
+    /// The uniforms of draw calls: what rays are marched through, and the tiles that are copied.
+    uniforms: Vec<PropUniform>,
+    props: WrittenBuffer,
     groups: BindGroups,
     /// Bind group 0.
     pub group: Option<BindGroup>,
-}
-
-/// The uniforms of draw calls, and their buffer.
-#[derive(Default)]
-struct Uniforms<U> {
-    values: Vec<U>,
-    buffer: WrittenBuffer,
 }
 
 /// A prop in a map.
@@ -73,7 +65,7 @@ pub(super) struct Drawn {
     pub group: BindGroup,
     /// The texels that it can cover.
     pub rect: URect,
-    /// The index of its uniform, among those of its pipeline.
+    /// The index of its uniform.
     pub instance: u32,
 }
 
@@ -97,13 +89,12 @@ pub(super) fn prepare_maps(
     let layout_of_tile = cache.get_bind_group_layout(&pipelines.inputs_layout(SHADOW_SPAN, &[TILE]));
     let mut of_trees = HashMap::<TreeShape, [CachedRenderPipelineId; 3]>::default();
     for (view, mut map) in &mut maps {
-        let MapProps { order, filled, drawn, cached, allocator, view: of_view, marched, copied, groups, group } =
+        let MapProps { order, filled, drawn, cached, allocator, view: of_view, uniforms, props, groups, group } =
             &mut *map;
         let size = view.viewport.zw();
         filled.clear();
         drawn.clear();
-        marched.values.clear();
-        copied.values.clear();
+        uniforms.clear();
         cached.begin();
         groups.begin();
         for Caster { entity, index, level } in order {
@@ -141,19 +132,17 @@ pub(super) fn prepare_maps(
                 instance: 0,
             };
             let Some(tile) = tile else {
-                push(drawn, marched, &on_map, size, |part| caster.at(seen.shift, near).drawn_to(part));
+                push(drawn, uniforms, &on_map, size, caster.at(seen.shift, near));
                 continue;
             };
             if !tile.is_filled {
                 let size = texels.size().as_uvec2();
                 let rect = URect { min: UVec2::ZERO, max: size };
                 let into_tile = Drawn { pipeline: fill, rect, ..on_map.clone() };
-                let caster = caster.at(-texels.min, seen.rays.near as f32);
-                push(filled, marched, &into_tile, size, |part| caster.drawn_to(part));
+                push(filled, uniforms, &into_tile, size, caster.at(-texels.min, seen.rays.near as f32));
             }
             let from_tile = Drawn { pipeline: copy, group: tile.group.clone(), rect: seen.on_map(), ..on_map };
-            let corner = texels.min + seen.shift;
-            push(drawn, copied, &from_tile, size, |clip_from_part| TileUniform { clip_from_part, corner, near });
+            push(drawn, uniforms, &from_tile, size, PropUniform::tile(texels.min + seen.shift, near));
         }
         cached.end();
         if drawn.is_empty() {
@@ -163,18 +152,16 @@ pub(super) fn prepare_maps(
         let depth = Vec4::new(z.z, w.z, z.w, w.w);
         let uniform = ViewUniform { size, depth, spacing: 1, ..default() };
         of_view.set(&device, &queue, "plenoctree_map", BufferUsages::UNIFORM, &uniform);
-        marched.buffer.set(&device, &queue, "plenoctree_map_props", BufferUsages::STORAGE, &marched.values);
-        copied.buffer.set(&device, &queue, "plenoctree_map_tiles", BufferUsages::STORAGE, &copied.values);
-        let buffers = [&*of_view, &marched.buffer, &copied.buffer];
-        let bindings: Option<Vec<_>> = buffers.into_iter().map(WrittenBuffer::binding).collect();
+        props.set(&device, &queue, "plenoctree_map_props", BufferUsages::STORAGE, uniforms);
+        let bindings: Option<Vec<_>> = [&*of_view, &*props].into_iter().map(WrittenBuffer::binding).collect();
         *group = bindings.map(|bindings| groups.get(&device, &cache, &layout, &bindings));
     }
 }
 
-/// Adds the draw calls of a prop, one for every part of a texture of this `size`, with the uniform for that part.
-fn push<U>(calls: &mut Vec<Drawn>, uniforms: &mut Uniforms<U>, call: &Drawn, size: UVec2, uniform: impl Fn(Mat4) -> U) {
+/// Adds the draw calls of a prop, one for every part of a texture of this `size`, and their uniforms.
+fn push(calls: &mut Vec<Drawn>, uniforms: &mut Vec<PropUniform>, call: &Drawn, size: UVec2, uniform: PropUniform) {
     for rect in parts(call.rect, size) {
-        calls.push(Drawn { rect, instance: uniforms.values.len() as u32, ..call.clone() });
-        uniforms.values.push(uniform(clip_from_part(rect, size)));
+        calls.push(Drawn { rect, instance: uniforms.len() as u32, ..call.clone() });
+        uniforms.push(uniform.drawn_to(clip_from_part(rect, size)));
     }
 }

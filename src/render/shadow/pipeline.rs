@@ -16,22 +16,17 @@ pub(super) const TILE: Input = Input::Texture(Slot::ShadowTile);
 
 /// Returns the passes that march rays into the map, march rays into a tile, and copy a tile into the map.
 pub(super) fn passes(tree: TreeShape) -> [Pass; 3] {
+    let program = |tree| Program { vertex: "shadow", tree, ..Program::new("shadow").define("SHADOW_MAP") };
     // Bevy's maps have the depth order of the scene's depth texture.
     let pass = |program: Program| Pass {
         group: FirstGroup::Map,
         depth: Some(Output::Target),
-        ..Pass::fullscreen(
-            SHADOW_SPAN,
-            Place::Layer,
-            None,
-            program.define("SHADOW_MAP").depth_test(CompareFunction::Greater, true),
-        )
+        ..Pass::fullscreen(SHADOW_SPAN, Place::Layer, None, program.depth_test(CompareFunction::Greater, true))
     };
-    let march = || Program { vertex: "shadow", tree: Some(tree), ..Program::new("shadow") };
     let tile = Some(Output::Texture(Slot::ShadowTile));
     [
-        pass(march()),
-        Pass { writes: vec![tile], depth: None, ..pass(march().define("TILE")) },
-        Pass { reads: vec![vec![TILE]], ..pass(Program { vertex: "shadow_tile", ..Program::new("shadow_tile") }) },
+        pass(program(Some(tree))),
+        Pass { writes: vec![tile], depth: None, ..pass(program(Some(tree)).define("TO_TILE")) },
+        Pass { reads: vec![vec![TILE]], ..pass(program(None).define("FROM_TILE")) },
     ]
 }
