@@ -59,8 +59,8 @@ struct Fragment {
     // the result of `pack_haze`.
     @builtin(frag_depth) depth: f32,
 #ifdef MOTION
-    // How the solid part has moved. Blending writes it only where alpha is 1.
-    @location(2) motion: vec4<f32>,
+    // How the solid part has moved. Blending writes it only where alpha is 1. Where it is written follows from OWNERS.
+    @location(#{MOTION}) motion: vec4<f32>,
 #endif
 }
 

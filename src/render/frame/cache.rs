@@ -188,7 +188,7 @@ fn key(result: CachedResult, passes: &[Pass], textures: &Textures, buffers: &Vie
                 | Input::WrittenBuffer(_) => {}
             }
         }
-        let written = pass.writes.iter().flatten().chain(&pass.depth).filter_map(|output| match output {
+        let written = pass.writes.iter().chain(&pass.depth).filter_map(|output| match output {
             Output::Texture(slot) => Some(slot),
             _ => None,
         });

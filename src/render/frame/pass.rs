@@ -26,7 +26,7 @@ pub(in crate::render) struct Pass {
     /// What it reads: one bind group after another, from group 1, or from group 2 if it marches through fields.
     pub reads: Vec<Vec<Input>>,
     /// Its color attachments.
-    pub writes: Vec<Option<Output>>,
+    pub writes: Vec<Output>,
     /// Its depth attachment.
     pub depth: Option<Output>,
     /// What its attachments hold when it begins. If it is `None`, they keep what they hold.
@@ -70,7 +70,7 @@ impl Pass {
     /// Returns the pixels that are drawn of its attachments: of textures of the target's size the drawn part of the
     /// view, and all of others.
     pub fn area(&self, plan: &Plan) -> URect {
-        match self.writes.iter().flatten().chain(&self.depth).next() {
+        match self.writes.iter().chain(&self.depth).next() {
             Some(Output::Texture(slot)) if !slot.is_of_target() => {
                 URect { min: UVec2::ZERO, max: slot.rays().size(plan.rect.size, plan.spacing) }
             }

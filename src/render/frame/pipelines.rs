@@ -51,7 +51,7 @@ struct Key {
     reads: Vec<BindGroupLayoutDescriptor>,
     /// Vertex shaders draw nothing while it is cached.
     cached: Option<CachedResult>,
-    targets: Vec<Option<TextureFormat>>,
+    targets: Vec<TextureFormat>,
     depth: Option<TextureFormat>,
     samples: u32,
 }
@@ -107,7 +107,7 @@ impl Pipelines {
             group: pass.group,
             reads: reads.iter().map(|inputs| self.inputs_layout(pass.name, inputs)).collect(),
             cached: pass.result,
-            targets: pass.writes.iter().map(|write| write.as_ref().map(|output| format(output, false))).collect(),
+            targets: pass.writes.iter().map(|output| format(output, false)).collect(),
             depth: pass.depth.as_ref().map(|output| format(output, true)),
             samples: pass.samples,
         };
@@ -129,7 +129,7 @@ impl Pipelines {
         let clear = pass.clear?;
         let mut program = Program { reads: false, ..Program::new("clear") };
         for (index, output) in pass.writes.iter().enumerate() {
-            let Some(Output::Texture(slot)) = output else {
+            let Output::Texture(slot) = output else {
                 continue;
             };
             let kind = match slot.format().and_then(|format| format.sample_type(None, None)) {
@@ -224,7 +224,7 @@ impl Pipelines {
                 Blend::With(blend) => (Some(*blend), ColorWrites::ALL),
                 Blend::Masked => (None, ColorWrites::empty()),
             };
-            format.map(|format| ColorTargetState { format, blend, write_mask })
+            Some(ColorTargetState { format: *format, blend, write_mask })
         });
         RenderPipelineDescriptor {
             label: Some(key.name.into()),

@@ -126,7 +126,7 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
             Output::PrepassMotion => Some(frame.prepass?.motion_vectors.as_ref()?.get_attachment()),
         }
     };
-    let colors: Vec<_> = pass.writes.iter().map(|write| write.as_ref().and_then(attach)).collect();
+    let colors: Vec<_> = pass.writes.iter().map(attach).collect();
     let depth = match &pass.depth {
         Some(Output::Texture(slot)) => {
             let load = if clear.is_some() { LoadOp::Clear(0.0) } else { LoadOp::Load };

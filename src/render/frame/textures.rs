@@ -60,7 +60,7 @@ impl Textures {
         self.buffers.values_mut().for_each(|existing| existing.idle += 1);
         let has_memory = passes.iter().all(|pass| {
             let mut read = pass.reads.iter().flatten().copied();
-            let mut written = pass.writes.iter().flatten().chain(&pass.depth).copied();
+            let mut written = pass.writes.iter().chain(&pass.depth).copied();
             read.all(|input| match input {
                 Input::Texture(slot) => self.texture(device, slot, plan),
                 Input::Buffer(buffer) | Input::WrittenBuffer(buffer) => self.buffer(device, buffer, plan),

@@ -46,7 +46,7 @@ pub(super) fn outline(plan: &Plan) -> Option<Pass> {
     (plan.smooths && !plan.composite_outlines()).then(|| Pass {
         feature: Feature::Edges,
         reads: vec![vec![Input::COLOR, Input::OWNER, Input::DEPTH]],
-        writes: [Slot::Outline].iter().chain(rays).map(|slot| Some(Output::Texture(*slot))).collect(),
+        writes: [Slot::Outline].iter().chain(rays).map(|slot| Output::Texture(*slot)).collect(),
         depth: Some(Output::Texture(Slot::EdgeMask)),
         ..Pass::fullscreen(OUTLINE, Place::Layer, Some(CachedResult::Layer), program)
     })
@@ -95,7 +95,7 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         feature: Feature::Edges,
         group: FirstGroup::SceneDepth(plan.samples),
         reads: vec![reads],
-        writes: [Slot::Coverage, Slot::OwnRays, third].map(|slot| Some(Output::Texture(slot))).to_vec(),
+        writes: [Slot::Coverage, Slot::OwnRays, third].map(Output::Texture).to_vec(),
         depth: Some(Output::Texture(Slot::EdgeMask)),
         programs,
         draws,

@@ -34,7 +34,7 @@ pub(super) fn finish(plan: &Plan) -> Option<Pass> {
         // Lines of ink end where something else is in front of a prop.
         group: FirstGroup::with_depth_if(is_resolved && plan.smooths || plan.has_ink, plan.samples),
         reads,
-        writes: vec![Some(Output::Texture(Slot::Shown))],
+        writes: vec![Output::Texture(Slot::Shown)],
         depth: Some(if plan.smooths { Output::Texture(Slot::EdgeMask) } else { Output::DEPTH }),
         clear: Some(Clear::NegativeAlpha),
         draws: (0..programs.len()).map(Draw::triangle).collect(),

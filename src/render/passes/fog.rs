@@ -32,7 +32,7 @@ pub(super) fn fog(plan: &Plan) -> Option<Pass> {
         feature: Feature::Fog,
         group: FirstGroup::Lights,
         reads: vec![reads],
-        writes: vec![Some(Output::Texture(Slot::Fogged))],
+        writes: vec![Output::Texture(Slot::Fogged)],
         clear: Some(Clear::NegativeAlpha),
         ..Pass::fullscreen(FOG, Place::Present, None, program)
     })

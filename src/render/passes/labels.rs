@@ -36,7 +36,7 @@ pub(super) fn composite(plan: &Plan) -> Option<Pass> {
     plan.posterizes.then(|| Pass {
         feature: if outlines { Feature::Edges } else { Feature::Posterize },
         reads: vec![reads],
-        writes: slots.iter().map(|slot| Some(Output::Texture(*slot))).collect(),
+        writes: slots.iter().map(|slot| Output::Texture(*slot)).collect(),
         depth: outlines.then_some(Output::Texture(Slot::EdgeMask)),
         ..Pass::fullscreen(COMPOSITE, Place::Posterize, Some(CachedResult::Composite), program)
     })
@@ -55,7 +55,7 @@ pub(super) fn filter(plan: &Plan) -> Vec<Pass> {
         Pass {
             feature: Feature::Posterize,
             reads: vec![vec![Input::Texture(from)]],
-            writes: vec![Some(Output::Texture(to))],
+            writes: vec![Output::Texture(to)],
             depth: Some(Output::DEPTH),
             draws: vec![Draw { instance: iteration, ..Draw::triangle(0) }],
             ..Pass::fullscreen(FILTER, Place::Posterize, Some(CachedResult::Composite), program)
@@ -83,9 +83,9 @@ pub(super) fn label(plan: &Plan) -> Pass {
     // The finish pass reads colors of neighbors, so it writes to another texture. Both belong to the same result: neither
     // is ever drawn without the other.
     let shown = if plan.changes_labels() { Slot::Interim } else { Slot::Shown };
-    let mut writes = vec![Some(Output::Texture(shown))];
+    let mut writes = vec![Output::Texture(shown)];
     if plan.needs_labels() {
-        writes.push(Some(Output::Texture(Slot::Labels)));
+        writes.push(Output::Texture(Slot::Labels));
     }
     Pass {
         feature: match () {
@@ -109,7 +109,7 @@ pub(super) fn stages(plan: &Plan) -> Vec<Pass> {
         Pass {
             feature: Feature::Stages,
             reads: vec![[shown_after(index), Slot::Labels].map(Input::Texture).to_vec()],
-            writes: vec![Some(Output::Texture(shown_after(index + 1)))],
+            writes: vec![Output::Texture(shown_after(index + 1))],
             ..Pass::fullscreen(STAGE, Place::Posterize, None, program)
         }
     };

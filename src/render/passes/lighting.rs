@@ -65,7 +65,7 @@ pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
         feature: Feature::Lighting,
         group: FirstGroup::Lights,
         reads: vec![RELIEF.to_vec()],
-        writes: vec![Some(Output::Texture(Slot::Light))],
+        writes: vec![Output::Texture(Slot::Light)],
         depth: Some(Output::DEPTH),
         clear: Some(Clear::White),
         // All are compiled from the start, so that props keep their light when the first lamp appears, or the first
@@ -83,7 +83,7 @@ pub(super) fn smooth_light(plan: &Plan) -> Option<Pass> {
         feature: Feature::Lighting,
         group: FirstGroup::Lights,
         reads: vec![RELIEF.into_iter().chain([Input::Texture(Slot::Light)]).collect()],
-        writes: vec![Some(Output::Texture(Slot::SmoothLight))],
+        writes: vec![Output::Texture(Slot::SmoothLight)],
         depth: Some(Output::DEPTH),
         clear: Some(Clear::White),
         ..Pass::fullscreen(SMOOTH_LIGHT, Place::Layer, None, program)

@@ -70,7 +70,7 @@ pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
         feature: Feature::Objects,
         group: FirstGroup::with_depth_if(has_samples, plan.samples),
         reads: vec![vec![Input::Scene, Input::DEPTH]],
-        writes: vec![Some(Output::Texture(slot))],
+        writes: vec![Output::Texture(slot)],
         clear: Some(Clear::Zero),
         samples: plan.samples,
         ..Pass::fullscreen(UNDER_OBJECTS, Place::Present, None, program)
@@ -83,7 +83,7 @@ pub(super) fn objects(plan: &Plan) -> Option<Pass> {
     plan.has_objects.then(|| Pass {
         feature: Feature::Objects,
         reads: vec![prop_pixels(plan), vec![Input::Texture(Slot::Objects)]],
-        writes: vec![Some(Output::Target)],
+        writes: vec![Output::Target],
         ..Pass::fullscreen(OBJECTS, Place::Objects, None, program)
     })
 }

@@ -38,13 +38,12 @@ pub(super) fn present(plan: &Plan) -> Vec<Pass> {
     if plan.target.samples == plan.samples {
         let colors = Program { blends: vec![replace, Blend::Masked], ..colors };
         let depth = Program { blends: vec![Blend::Masked, Blend::Replace], ..depth };
-        let mut writes = vec![Some(Output::Target)];
-        writes.extend(motion.map(Some));
+        let writes = [Output::Target].into_iter().chain(motion).collect();
         return vec![pass(vec![colors, depth], writes, Some(Output::Target), plan.samples)];
     }
     let colors = Program { blends: vec![replace], ..colors };
     vec![
-        pass(vec![colors], vec![Some(Output::Target)], None, plan.target.samples),
+        pass(vec![colors], vec![Output::Target], None, plan.target.samples),
         pass(vec![depth], vec![], Some(Output::Target), plan.samples),
     ]
 }

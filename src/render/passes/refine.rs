@@ -26,7 +26,7 @@ pub(super) fn check(plan: &Plan) -> Pass {
         feature: Feature::Sparse,
         group: FirstGroup::SceneDepth(plan.samples),
         reads: vec![textures.into_iter().chain(buffers).collect()],
-        writes: vec![Some(Output::Texture(Slot::Gaps))],
+        writes: vec![Output::Texture(Slot::Gaps)],
         zeroes: Some(Buffer::BatchCounts),
         ..Pass::fullscreen(CHECK, Place::Layer, Some(CachedResult::Layer), Program::new("check"))
     }

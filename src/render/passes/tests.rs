@@ -76,7 +76,7 @@ fn written(pass: &Pass) -> u32 {
         Output::Target | Output::PrepassMotion => 4,
     };
     let depth = pass.depth.iter().filter(|_| pass.writes_depth());
-    pass.writes.iter().flatten().chain(depth).map(bytes).sum()
+    pass.writes.iter().chain(depth).map(bytes).sum()
 }
 
 /// Besides those of the filter. `docs/performance.md` lists them.
@@ -121,7 +121,7 @@ fn what_later_passes_replace_is_written_again_for_those_that_read_it() {
                 let Input::Texture(slot) = input else {
                     continue;
                 };
-                let writes = |other: &&Pass| other.writes.contains(&Some(Output::Texture(*slot)));
+                let writes = |other: &&Pass| other.writes.contains(&Output::Texture(*slot));
                 if passes[index + 1..].iter().any(|other| writes(&other)) {
                     let writer = passes[..index].iter().rfind(writes).unwrap();
                     assert!(result(writer) >= result(pass), "{}, {slot:?}", pass.name);

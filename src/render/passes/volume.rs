@@ -66,7 +66,7 @@ pub(super) fn solid(plan: &Plan, rays: RaySet) -> Vec<Pass> {
     let name = if rays == RaySet::Batches { SOLID_BATCHES } else { SOLID };
     let pass = |(round, (prop, depth)): (usize, (Slot, Slot))| {
         let mut pass = marching(name, plan, rays);
-        pass.writes = vec![Some(Output::Texture(prop))];
+        pass.writes = vec![Output::Texture(prop)];
         pass.depth = Some(Output::Texture(depth));
         if round > 0 {
             pass.reads = vec![vec![Input::Texture(Slot::Nearest(rays))]];
@@ -115,13 +115,10 @@ fn volume_of(plan: &Plan, rays: RaySet) -> Pass {
 }
 
 /// Returns the color attachments of a layer.
-pub(super) fn layer(plan: &Plan, rays: RaySet) -> Vec<Option<Output>> {
-    let mut writes = vec![Some(Output::Texture(Slot::Color(rays)))];
-    writes.push(plan.has_owners().then_some(Output::Texture(Slot::Owner(rays))));
-    writes.push(plan.has_motion.then_some(Output::Texture(Slot::Motion(rays))));
-    while let Some(None) = writes.last() {
-        writes.pop();
-    }
+pub(super) fn layer(plan: &Plan, rays: RaySet) -> Vec<Output> {
+    let mut writes = vec![Output::Texture(Slot::Color(rays))];
+    writes.extend(plan.has_owners().then_some(Output::Texture(Slot::Owner(rays))));
+    writes.extend(plan.has_motion.then_some(Output::Texture(Slot::Motion(rays))));
     writes
 }
 
@@ -145,7 +142,7 @@ fn volume_program(plan: &Plan, rays: RaySet, kind: Kind) -> Program {
     .define_if(may_recolor, "RECOLORED")
     .define_if(plan.has_fog, "FOG")
     .define_if(plan.has_owners(), "OWNERS")
-    .define_if(plan.has_motion, "MOTION")
+    .define_number("MOTION", plan.has_motion.then(|| 1 + u32::from(plan.has_owners())))
     // The depth is written, not tested: all props of a pixel write the same.
     .depth_test(CompareFunction::Always, true)
 }

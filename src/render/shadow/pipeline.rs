@@ -23,7 +23,7 @@ pub(super) fn passes(tree: TreeShape) -> [Pass; 3] {
         depth: Some(Output::Target),
         ..Pass::fullscreen(SHADOW_SPAN, Place::Layer, None, program.depth_test(CompareFunction::Greater, true))
     };
-    let tile = Some(Output::Texture(Slot::ShadowTile));
+    let tile = Output::Texture(Slot::ShadowTile);
     [
         pass(program(Some(tree))),
         Pass { writes: vec![tile], depth: None, ..pass(program(Some(tree)).define("TO_TILE")) },
