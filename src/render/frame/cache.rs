@@ -31,8 +31,8 @@ use bevy::{
 use super::{
     bind_groups::BindGroups,
     buffers::ViewBuffers,
-    pass::{CachedResult, Input, Output, Pass},
-    slot,
+    pass::{CachedResult, Pass},
+    slot::Slot,
     textures::Textures,
 };
 use crate::{
@@ -175,25 +175,16 @@ fn key(result: CachedResult, passes: &[Pass], textures: &Textures, buffers: &Vie
                 .hash(&mut hasher);
             draw.field.as_ref().map(|field| field.id()).hash(&mut hasher);
         }
-        for input in pass.reads.iter().flatten() {
-            match input {
-                Input::Texture(slot) => textures.get(*slot).map(|view| view.id()).hash(&mut hasher),
-                Input::Buffer(slot::Buffer::View) => view.hash.hash(&mut hasher),
-                Input::Buffer(slot::Buffer::Screen) => screen.hash.hash(&mut hasher),
-                Input::Buffer(slot::Buffer::Lit) => lit.hash.hash(&mut hasher),
-                Input::Buffer(slot::Buffer::Shades) => shades.hash.hash(&mut hasher),
+        for slot in pass.slots() {
+            match slot {
+                Slot::View => view.hash.hash(&mut hasher),
+                Slot::Screen => screen.hash.hash(&mut hasher),
+                Slot::Lit => lit.hash.hash(&mut hasher),
+                Slot::Shades => shades.hash.hash(&mut hasher),
                 // The GPU compares the scene, and batches are only read where a pass of the same result writes them.
-                Input::Scene
-                | Input::Buffer(slot::Buffer::BatchCounts | slot::Buffer::BatchGaps)
-                | Input::WrittenBuffer(_) => {}
+                Slot::Scene | Slot::BatchCounts | Slot::BatchGaps => {}
+                _ => textures.get(slot).map(|view| view.id()).hash(&mut hasher),
             }
-        }
-        let written = pass.writes.iter().chain(&pass.depth).filter_map(|output| match output {
-            Output::Texture(slot) => Some(slot),
-            _ => None,
-        });
-        for slot in written {
-            textures.get(*slot).map(|view| view.id()).hash(&mut hasher);
         }
     }
     hasher.finish()

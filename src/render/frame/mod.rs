@@ -14,10 +14,10 @@ mod view;
 pub(super) use bind_groups::BindGroups;
 pub(super) use buffers::PaletteBuffer;
 pub(super) use cache::Comparison;
-pub(super) use pass::{Blend, CachedResult, Clear, Draw, FirstGroup, Fragment, Input, Output, Pass, Place, Program};
+pub(super) use pass::{Blend, CachedResult, Clear, Draw, FirstGroup, Fragment, Pass, Place, Program};
 pub(super) use pipelines::{InitPipelines, Pipelines};
 pub(super) use run::run;
-pub(super) use slot::{BATCH, Buffer, RaySet, Slot, batch_side, batches};
+pub(super) use slot::{BATCH, RaySet, Slot, batch_side, batches};
 pub(crate) use view::PropView;
 #[cfg(feature = "shadows")]
 pub(super) use {slot::TILE_FORMAT, view::Lights};

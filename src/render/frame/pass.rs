@@ -6,7 +6,7 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
-use super::slot::{Buffer, RaySet, Slot};
+use super::slot::Slot;
 use crate::{
     gpu::TreeShape,
     render::plan::{Feature, Plan},
@@ -24,15 +24,15 @@ pub(in crate::render) struct Pass {
     /// Bind group 0.
     pub group: FirstGroup,
     /// What it reads: one bind group after another, from group 1, or from group 2 if it marches through fields.
-    pub reads: Vec<Vec<Input>>,
+    pub reads: Vec<Vec<Slot>>,
     /// Its color attachments.
-    pub writes: Vec<Output>,
+    pub writes: Vec<Slot>,
     /// Its depth attachment.
-    pub depth: Option<Output>,
+    pub depth: Option<Slot>,
     /// What its attachments hold when it begins. If it is `None`, they keep what they hold.
     pub clear: Option<Clear>,
     /// A buffer that is filled with zeros before it.
-    pub zeroes: Option<Buffer>,
+    pub zeroes: Option<Slot>,
     /// The number of samples per pixel.
     pub samples: u32,
     pub programs: Vec<Program>,
@@ -62,6 +62,11 @@ impl Pass {
         }
     }
 
+    /// Returns everything that it reads or draws to.
+    pub fn slots(&self) -> impl Iterator<Item = Slot> {
+        self.reads.iter().flatten().chain(&self.writes).chain(&self.depth).copied()
+    }
+
     /// Returns whether it writes depth.
     pub fn writes_depth(&self) -> bool {
         self.depth.is_some() && self.programs.iter().any(|program| program.depth_test.writes)
@@ -71,7 +76,7 @@ impl Pass {
     /// view, and all of others.
     pub fn area(&self, plan: &Plan) -> URect {
         match self.writes.iter().chain(&self.depth).next() {
-            Some(Output::Texture(slot)) if !slot.is_of_target() => {
+            Some(slot) if !slot.is_of_target() => {
                 URect { min: UVec2::ZERO, max: slot.rays().size(plan.rect.size, plan.spacing) }
             }
             _ => URect { min: plan.corner(), max: plan.corner() + plan.rect.size },
@@ -144,39 +149,6 @@ impl FirstGroup {
             Self::View | Self::Lights | Self::Map => None,
         }
     }
-}
-
-/// Something that a pass binds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(in crate::render) enum Input {
-    Texture(Slot),
-    /// The colors of the scene, in the camera's target.
-    Scene,
-    /// Read-only, or written by fragments.
-    Buffer(Buffer),
-    WrittenBuffer(Buffer),
-}
-
-/// The layer of all pixels.
-impl Input {
-    pub const COLOR: Self = Self::Texture(Slot::Color(RaySet::Pixels));
-    pub const OWNER: Self = Self::Texture(Slot::Owner(RaySet::Pixels));
-    pub const DEPTH: Self = Self::Texture(Slot::Depth(RaySet::Pixels));
-}
-
-/// Something that a pass writes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(in crate::render) enum Output {
-    Texture(Slot),
-    /// The camera's target, or its depth texture.
-    Target,
-    /// The motion vectors of Bevy's prepass.
-    PrepassMotion,
-}
-
-impl Output {
-    /// The depth of the layer of all pixels.
-    pub const DEPTH: Self = Self::Texture(Slot::Depth(RaySet::Pixels));
 }
 
 /// What the attachments of a pass hold when it begins.

@@ -1,7 +1,6 @@
 //! The pipelines of passes, and whether they are ready.
 
 use bevy::{
-    core_pipeline::{core_3d::CORE_3D_DEPTH_FORMAT, prepass::MOTION_VECTOR_PREPASS_FORMAT},
     platform::collections::{HashMap, HashSet},
     prelude::*,
     render::render_resource::{
@@ -17,8 +16,8 @@ use bevy::{
 };
 
 use super::{
-    pass::{Blend, CachedResult, Clear, FirstGroup, Fragment, Input, Output, Pass, Program},
-    slot::{Buffer, DEPTH_FORMAT},
+    pass::{Blend, CachedResult, Clear, FirstGroup, Fragment, Pass, Program},
+    slot::{DEPTH_FORMAT, Slot},
 };
 use crate::{
     gpu::{FieldLayouts, Shaders, TreeShape, pipelines},
@@ -94,12 +93,6 @@ impl Pipelines {
         program: &Program,
         target: TextureFormat,
     ) -> CachedRenderPipelineId {
-        let format = |output: &Output, is_depth| match output {
-            Output::Texture(slot) => slot.format().unwrap_or(target),
-            Output::Target if is_depth => CORE_3D_DEPTH_FORMAT,
-            Output::Target => target,
-            Output::PrepassMotion => MOTION_VECTOR_PREPASS_FORMAT,
-        };
         let reads = if program.reads { &pass.reads[..] } else { &[] };
         let key = Key {
             name: pass.name,
@@ -107,8 +100,8 @@ impl Pipelines {
             group: pass.group,
             reads: reads.iter().map(|inputs| self.inputs_layout(pass.name, inputs)).collect(),
             cached: pass.result,
-            targets: pass.writes.iter().map(|output| format(output, false)).collect(),
-            depth: pass.depth.as_ref().map(|output| format(output, true)),
+            targets: pass.writes.iter().map(|slot| slot.format().unwrap_or(target)).collect(),
+            depth: pass.depth.and_then(Slot::format),
             samples: pass.samples,
         };
         if let Some(id) = self.ids.get(&key) {
@@ -128,10 +121,7 @@ impl Pipelines {
     ) -> Option<CachedRenderPipelineId> {
         let clear = pass.clear?;
         let mut program = Program { reads: false, ..Program::new("clear") };
-        for (index, output) in pass.writes.iter().enumerate() {
-            let Output::Texture(slot) = output else {
-                continue;
-            };
+        for (index, slot) in pass.writes.iter().enumerate() {
             let kind = match slot.format().and_then(|format| format.sample_type(None, None)) {
                 Some(TextureSampleType::Uint) => "UINT",
                 _ => "FLOAT",
@@ -178,20 +168,19 @@ impl Pipelines {
     }
 
     /// Returns the layout of a bind group of what a pass reads.
-    pub fn inputs_layout(&self, name: &'static str, inputs: &[Input]) -> BindGroupLayoutDescriptor {
-        let floats = TextureSampleType::Float { filterable: false };
-        let entry = |input: &Input| match input {
-            Input::Texture(slot) => match slot.format() {
+    pub fn inputs_layout(&self, name: &'static str, inputs: &[Slot]) -> BindGroupLayoutDescriptor {
+        let entry = |slot: &Slot| match slot {
+            Slot::View | Slot::Screen => uniform_buffer_sized(false, None),
+            Slot::Lit | Slot::Shades => storage_buffer_read_only_sized(false, None),
+            // Passes that read them have them in bind group 0.
+            Slot::BatchCounts | Slot::BatchGaps => storage_buffer_sized(false, None),
+            _ => match slot.format() {
                 Some(DEPTH_FORMAT) => texture_depth_2d(),
                 Some(format) if format.sample_type(None, None) == Some(TextureSampleType::Uint) => {
                     texture_2d(TextureSampleType::Uint)
                 }
-                _ => texture_2d(floats),
+                _ => texture_2d(TextureSampleType::Float { filterable: false }),
             },
-            Input::Scene => texture_2d(floats),
-            Input::Buffer(Buffer::View | Buffer::Screen) => uniform_buffer_sized(false, None),
-            Input::Buffer(_) => storage_buffer_read_only_sized(false, None),
-            Input::WrittenBuffer(_) => storage_buffer_sized(false, None),
         };
         let bindings = (0..).zip(inputs);
         let entries: Vec<_> =

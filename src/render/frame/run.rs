@@ -18,9 +18,9 @@ use super::view::PropView;
 use super::{
     buffers::PaletteBuffer,
     cache::{Cache, Comparison},
-    pass::{CachedResult, Clear, FirstGroup, Input, Output, Pass, Place},
+    pass::{CachedResult, Clear, FirstGroup, Pass, Place},
     pipelines::Pipelines,
-    slot::{Buffer, Slot},
+    slot::Slot,
 };
 use crate::{camera::PropPlacement, render::plan::Feature};
 
@@ -108,47 +108,45 @@ fn compare(place: Place, view: &mut PropView, frame: &Frame, comparison: Option<
 fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext) -> Option<()> {
     let PropView { plan, textures, buffers, groups, cached, lights, .. } = view;
     let (device, cache) = (frame.device, frame.cache);
-    if let Some(buffer) = pass.zeroes {
-        ctx.command_encoder().clear_buffer(textures.buffer_of(buffer)?, 0, None);
+    if let Some(slot) = pass.zeroes {
+        ctx.command_encoder().clear_buffer(textures.buffer(slot)?, 0, None);
     }
     // What may be cached is cleared by a draw call, because only the GPU knows whether it must be.
     let may_keep = pass.result.is_some_and(|result| !cached.is_drawn(result));
     let clear = pass.clear.filter(|_| !may_keep);
-    let attach = |output: &Output| {
+    let attach = |slot: &Slot| {
         let load = clear.map_or(LoadOp::Load, |clear| LoadOp::Clear(clear.color()));
-        match output {
-            Output::Texture(slot) => Some(color(textures.get(*slot)?, load)),
-            Output::Target => Some(match plan.placement {
+        Some(match slot {
+            Slot::Target => match plan.placement {
                 PropPlacement::Scene => frame.target.get_color_attachment(),
                 // Post-processing continues with the resolved texture.
                 PropPlacement::Display => frame.target.get_unsampled_color_attachment(),
-            }),
-            Output::PrepassMotion => Some(frame.prepass?.motion_vectors.as_ref()?.get_attachment()),
-        }
+            },
+            Slot::PrepassMotion => frame.prepass?.motion_vectors.as_ref()?.get_attachment(),
+            slot => color(textures.get(*slot)?, load),
+        })
     };
     let colors: Vec<_> = pass.writes.iter().map(attach).collect();
-    let depth = match &pass.depth {
-        Some(Output::Texture(slot)) => {
+    let depth = match pass.depth {
+        Some(Slot::TargetDepth) => Some(frame.depth.get_attachment(StoreOp::Store)),
+        Some(slot) => {
             let load = if clear.is_some() { LoadOp::Clear(0.0) } else { LoadOp::Load };
-            Some(depth(textures.get(*slot)?, pass.writes_depth().then_some(load)))
+            Some(depth(textures.get(slot)?, pass.writes_depth().then_some(load)))
         }
-        Some(_) => Some(frame.depth.get_attachment(StoreOp::Store)),
         None => None,
     };
     let of_inputs: Vec<_> = pass
         .reads
         .iter()
         .map(|inputs| {
-            let resource = |input: &Input| match input {
-                Input::Texture(slot) => textures.get(*slot).map(|view| BindingResource::TextureView(view)),
-                Input::Scene => Some(BindingResource::TextureView(frame.target.main_texture_view())),
-                Input::Buffer(Buffer::View) => buffers.view.binding(),
-                Input::Buffer(Buffer::Screen) => buffers.screen.binding(),
-                Input::Buffer(Buffer::Lit) => buffers.lit.binding(),
-                Input::Buffer(Buffer::Shades) => buffers.shades.binding(),
-                Input::Buffer(buffer) | Input::WrittenBuffer(buffer) => {
-                    textures.buffer_of(*buffer).map(|buffer| buffer.as_entire_binding())
-                }
+            let resource = |slot: &Slot| match slot {
+                Slot::View => buffers.view.binding(),
+                Slot::Screen => buffers.screen.binding(),
+                Slot::Lit => buffers.lit.binding(),
+                Slot::Shades => buffers.shades.binding(),
+                Slot::BatchCounts | Slot::BatchGaps => Some(textures.buffer(*slot)?.as_entire_binding()),
+                Slot::Scene => Some(BindingResource::TextureView(frame.target.main_texture_view())),
+                slot => Some(BindingResource::TextureView(textures.get(*slot)?)),
             };
             let resources: Option<Vec<_>> = inputs.iter().map(resource).collect();
             let layout = frame.pipelines.inputs_layout(pass.name, inputs);
@@ -166,7 +164,7 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
                 resources.push(BindingResource::TextureView(scene_depth));
             }
             if let FirstGroup::Batches(_) = group {
-                let batches = [Buffer::BatchCounts, Buffer::BatchGaps].map(|buffer| textures.buffer_of(buffer));
+                let batches = [Slot::BatchCounts, Slot::BatchGaps].map(|slot| textures.buffer(slot));
                 resources.extend(batches.into_iter().flatten().map(|buffer| buffer.as_entire_binding()));
             }
             Some((groups.get(device, cache, &frame.pipelines.first_layout(group), &resources), &[][..]))

@@ -1,12 +1,34 @@
 //! The textures and buffers of a view, by what they hold.
 
-use bevy::{core_pipeline::prepass::MOTION_VECTOR_PREPASS_FORMAT, prelude::*, render::render_resource::TextureFormat};
+use bevy::{
+    core_pipeline::{core_3d::CORE_3D_DEPTH_FORMAT, prepass::MOTION_VECTOR_PREPASS_FORMAT},
+    prelude::*,
+    render::render_resource::TextureFormat,
+};
 
 use crate::render::plan::Plan;
 
-/// A texture of a view.
+/// A texture or a buffer that passes read or draw to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::render) enum Slot {
+    /// The uniforms of the view and of how colors are shown.
+    View,
+    Screen,
+    /// How lights fall on each prop.
+    Lit,
+    /// The color that each label shows in each band of light.
+    Shades,
+    /// The number of gaps in each batch.
+    BatchCounts,
+    /// The places of gaps in the squares of their batches.
+    BatchGaps,
+    /// The colors of the scene, as passes read them in the camera's target.
+    Scene,
+    /// This target, to draw to, and its depth texture or a shadow map.
+    Target,
+    TargetDepth,
+    /// The motion vectors of Bevy's prepass.
+    PrepassMotion,
     /// A layer: the props alone. Encoded sRGB premultiplied by opacity, and opacity. Half floats, because 8 bits per
     /// channel would change labels.
     Color(RaySet),
@@ -93,16 +115,22 @@ pub(in crate::render) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32
 pub(in crate::render) const TILE_FORMAT: TextureFormat = TextureFormat::R32Float;
 
 impl Slot {
-    /// Returns the format, unless it is that of the target.
+    /// The layer of all pixels.
+    pub const COLOR: Self = Self::Color(RaySet::Pixels);
+    pub const OWNER: Self = Self::Owner(RaySet::Pixels);
+    pub const DEPTH: Self = Self::Depth(RaySet::Pixels);
+
+    /// Returns the format of a texture, unless it is that of the target.
     pub fn format(self) -> Option<TextureFormat> {
         use TextureFormat::*;
         Some(match self {
             Self::Color(_) | Self::OwnRays | Self::OtherRays | Self::SmoothLight => Rgba16Float,
             Self::Interim | Self::Shown | Self::Staged(_) | Self::Fogged => Rgba16Float,
             Self::Owner(_) => Rg16Float,
-            Self::Motion(_) => MOTION_VECTOR_PREPASS_FORMAT,
+            Self::Motion(_) | Self::PrepassMotion => MOTION_VECTOR_PREPASS_FORMAT,
             Self::Depth(_) | Self::NearestDepth(_) | Self::OpaqueDepth(_) => DEPTH_FORMAT,
             Self::FormerDepth | Self::SceneDepth => DEPTH_FORMAT,
+            Self::TargetDepth => CORE_3D_DEPTH_FORMAT,
             Self::EdgeMask => Depth16Unorm,
             Self::Nearest(_) | Self::Opaque(_) => R32Uint,
             Self::ShadowTile => TILE_FORMAT,
@@ -110,7 +138,8 @@ impl Slot {
             Self::Outline | Self::Labels | Self::FormerLabels => Rg16Uint,
             Self::Coverage | Self::Light => Rgba8Unorm,
             Self::Even | Self::Odd => Rgba32Uint,
-            Self::Objects | Self::ObjectSamples => return None,
+            Self::Objects | Self::ObjectSamples | Self::Scene | Self::Target => return None,
+            Self::View | Self::Screen | Self::Lit | Self::Shades | Self::BatchCounts | Self::BatchGaps => return None,
         })
     }
 
@@ -122,7 +151,8 @@ impl Slot {
 
     /// Returns whether it has the size of the camera's target.
     pub fn is_of_target(self) -> bool {
-        matches!(self, Self::Objects | Self::ObjectSamples | Self::SceneDepth)
+        use Slot::*;
+        matches!(self, Target | TargetDepth | PrepassMotion | Objects | ObjectSamples | SceneDepth)
     }
 
     pub fn rays(self) -> RaySet {
@@ -133,22 +163,6 @@ impl Slot {
             _ => RaySet::Pixels,
         }
     }
-}
-
-/// A buffer of a view, besides the uniforms of bind group 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(in crate::render) enum Buffer {
-    /// The uniforms of the view and of how colors are shown.
-    View,
-    Screen,
-    /// How lights fall on each prop.
-    Lit,
-    /// The color that each label shows in each band of light.
-    Shades,
-    /// The number of gaps in each batch.
-    BatchCounts,
-    /// The places of gaps in the squares of their batches.
-    BatchGaps,
 }
 
 /// The pixels along a side of the square in which a batch is drawn. Matches `batch.wgsl`.

@@ -8,7 +8,7 @@ use bevy::{
     prelude::*,
     render::{
         render_resource::{
-            BufferDescriptor, BufferUsages, Extent3d, TextureDescriptor, TextureDimension, TextureFormat,
+            Buffer, BufferDescriptor, BufferUsages, Extent3d, TextureDescriptor, TextureDimension, TextureFormat,
             TextureUsages, TextureView,
         },
         renderer::RenderDevice,
@@ -16,8 +16,8 @@ use bevy::{
 };
 
 use super::{
-    pass::{Input, Output, Pass},
-    slot::{Buffer, MOST_GAPS, Slot, batches},
+    pass::Pass,
+    slot::{MOST_GAPS, Slot, batches},
 };
 use crate::{gpu::Allocator, render::plan::Plan};
 
@@ -25,7 +25,7 @@ use crate::{gpu::Allocator, render::plan::Plan};
 #[derive(Default)]
 pub(in crate::render) struct Textures {
     textures: HashMap<Slot, ViewTexture>,
-    buffers: HashMap<Buffer, ViewBuffer>,
+    buffers: HashMap<Slot, ViewBuffer>,
     /// The size of textures with one texel per pixel.
     size: UVec2,
     pub allocator: Allocator,
@@ -41,7 +41,7 @@ struct ViewTexture {
 }
 
 struct ViewBuffer {
-    buffer: bevy::render::render_resource::Buffer,
+    buffer: Buffer,
     idle: u32,
 }
 
@@ -58,19 +58,9 @@ impl Textures {
         self.size = size_in_steps(self.size, plan.rect.size, plan.viewport.physical_size);
         self.textures.values_mut().for_each(|existing| existing.idle += 1);
         self.buffers.values_mut().for_each(|existing| existing.idle += 1);
-        let has_memory = passes.iter().all(|pass| {
-            let mut read = pass.reads.iter().flatten().copied();
-            let mut written = pass.writes.iter().chain(&pass.depth).copied();
-            read.all(|input| match input {
-                Input::Texture(slot) => self.texture(device, slot, plan),
-                Input::Buffer(buffer) | Input::WrittenBuffer(buffer) => self.buffer(device, buffer, plan),
-                Input::Scene => true,
-            }) && written.all(|output| match output {
-                Output::Texture(slot) => self.texture(device, slot, plan),
-                Output::Target | Output::PrepassMotion => true,
-            })
-        });
-        let has_memory = has_memory && (!plan.has_objects || self.texture(device, Slot::SceneDepth, plan));
+        let saved_depth = plan.has_objects.then_some(Slot::SceneDepth);
+        let mut used = passes.iter().flat_map(Pass::slots).chain(saved_depth);
+        let has_memory = used.all(|slot| self.create(device, slot, plan));
         self.textures.retain(|_, existing| existing.idle <= IDLE_FRAMES);
         self.buffers.retain(|_, existing| existing.idle <= IDLE_FRAMES);
         has_memory
@@ -105,11 +95,23 @@ impl Textures {
         self.textures.get(&slot).map(|existing| &existing.view)
     }
 
-    pub fn buffer_of(&self, buffer: Buffer) -> Option<&bevy::render::render_resource::Buffer> {
-        self.buffers.get(&buffer).map(|existing| &existing.buffer)
+    pub fn buffer(&self, slot: Slot) -> Option<&Buffer> {
+        self.buffers.get(&slot).map(|existing| &existing.buffer)
     }
 
-    fn texture(&mut self, device: &RenderDevice, slot: Slot, plan: &Plan) -> bool {
+    /// Creates what a slot holds, unless it exists or belongs to others. Returns whether there is enough memory.
+    fn create(&mut self, device: &RenderDevice, slot: Slot, plan: &Plan) -> bool {
+        let batches = batches(self.size, plan.spacing).element_product();
+        match slot {
+            Slot::View | Slot::Screen | Slot::Lit | Slot::Shades => true,
+            Slot::Scene | Slot::Target | Slot::TargetDepth | Slot::PrepassMotion => true,
+            Slot::BatchCounts => self.create_buffer(device, slot, batches),
+            Slot::BatchGaps => self.create_buffer(device, slot, batches * MOST_GAPS),
+            _ => self.create_texture(device, slot, plan),
+        }
+    }
+
+    fn create_texture(&mut self, device: &RenderDevice, slot: Slot, plan: &Plan) -> bool {
         let (mut size, mut format, mut samples) = (slot.rays().size(self.size, plan.spacing), slot.format(), 1);
         if slot.is_of_target() {
             size = plan.target.size;
@@ -152,15 +154,9 @@ impl Textures {
         created.map(|existing| self.textures.insert(slot, existing)).is_some()
     }
 
-    fn buffer(&mut self, device: &RenderDevice, buffer: Buffer, plan: &Plan) -> bool {
-        let batches = batches(self.size, plan.spacing).element_product();
-        let words = match buffer {
-            Buffer::BatchCounts => batches,
-            Buffer::BatchGaps => batches * MOST_GAPS,
-            Buffer::View | Buffer::Screen | Buffer::Lit | Buffer::Shades => return true,
-        };
+    fn create_buffer(&mut self, device: &RenderDevice, slot: Slot, words: u32) -> bool {
         let size = 4 * u64::from(words);
-        if let Some(existing) = self.buffers.get_mut(&buffer).filter(|existing| existing.buffer.size() == size) {
+        if let Some(existing) = self.buffers.get_mut(&slot).filter(|existing| existing.buffer.size() == size) {
             existing.idle = 0;
             return true;
         }
@@ -172,7 +168,7 @@ impl Textures {
                 mapped_at_creation: false,
             })
         });
-        created.map(|created| self.buffers.insert(buffer, ViewBuffer { buffer: created, idle: 0 })).is_some()
+        created.map(|buffer| self.buffers.insert(slot, ViewBuffer { buffer, idle: 0 })).is_some()
     }
 }
 

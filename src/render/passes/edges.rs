@@ -13,7 +13,7 @@ use super::volume::index_of;
 use crate::{
     gpu::field_definitions,
     render::{
-        frame::{Blend, CachedResult, Draw, FirstGroup, Input, Output, Pass, Place, Program, Slot},
+        frame::{Blend, CachedResult, Draw, FirstGroup, Pass, Place, Program, Slot},
         plan::{Feature, Plan},
         uniforms::Smooths,
     },
@@ -45,9 +45,9 @@ pub(super) fn outline(plan: &Plan) -> Option<Pass> {
     let program = Program::new("outline").define_if(is_several, "SEVERAL").depth_test(CompareFunction::Always, true);
     (plan.smooths && !plan.composite_outlines()).then(|| Pass {
         feature: Feature::Edges,
-        reads: vec![vec![Input::COLOR, Input::OWNER, Input::DEPTH]],
-        writes: [Slot::Outline].iter().chain(rays).map(|slot| Output::Texture(*slot)).collect(),
-        depth: Some(Output::Texture(Slot::EdgeMask)),
+        reads: vec![vec![Slot::COLOR, Slot::OWNER, Slot::DEPTH]],
+        writes: [&[Slot::Outline][..], rays].concat(),
+        depth: Some(Slot::EdgeMask),
         ..Pass::fullscreen(OUTLINE, Place::Layer, Some(CachedResult::Layer), program)
     })
 }
@@ -75,8 +75,8 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         Pixels::OfOwners => (Some("OF_OWNERS"), PLACES, [add, add, Blend::Replace]),
         Pixels::OfOthers => (Some("OF_OTHERS"), Slot::OtherRays, [add; 3]),
     };
-    let mut reads = vec![Input::Texture(Slot::Outline), Input::OWNER, Input::DEPTH];
-    reads.extend((pixels == Pixels::OfOthers).then_some(Input::Texture(PLACES)));
+    let mut reads = vec![Slot::Outline, Slot::OWNER, Slot::DEPTH];
+    reads.extend((pixels == Pixels::OfOthers).then_some(PLACES));
     let (mut programs, mut draws, mut shapes) = (vec![], vec![], vec![]);
     for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| prop.smooths != Smooths::Nothing) {
         let program = index_of(&mut shapes, prop.kind.shape, || {
@@ -95,8 +95,8 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         feature: Feature::Edges,
         group: FirstGroup::SceneDepth(plan.samples),
         reads: vec![reads],
-        writes: [Slot::Coverage, Slot::OwnRays, third].map(Output::Texture).to_vec(),
-        depth: Some(Output::Texture(Slot::EdgeMask)),
+        writes: vec![Slot::Coverage, Slot::OwnRays, third],
+        depth: Some(Slot::EdgeMask),
         programs,
         draws,
         ..Pass::fullscreen(COVERAGE, place, Some(CachedResult::Layer), Program::new("coverage"))

@@ -3,7 +3,7 @@
 
 use super::labels::{lit, space, with_lights};
 use crate::render::{
-    frame::{CachedResult, Clear, Draw, FirstGroup, Input, Output, Pass, Place, Program, Slot},
+    frame::{CachedResult, Clear, Draw, FirstGroup, Pass, Place, Program, Slot},
     plan::{Feature, Plan},
 };
 
@@ -21,21 +21,20 @@ pub(super) fn finish(plan: &Plan) -> Option<Pass> {
     let at_edges = program("blend").define_number("SAMPLES", plan.hidden_samples()).define_if(is_resolved, "RESOLVED");
     let mut programs = vec![if plan.smooths { inside.where_mask_has_props() } else { inside.where_props_are() }];
     programs.extend(plan.smooths.then(|| at_edges.at_edges()));
-    let mut inputs = vec![Input::Texture(Slot::Interim), Input::Texture(Slot::Even), Input::DEPTH, Input::Scene];
-    inputs.extend(plan.finishes().then_some(Input::Texture(Slot::Labels)));
+    let mut inputs = vec![Slot::Interim, Slot::Even, Slot::DEPTH, Slot::Scene];
+    inputs.extend(plan.finishes().then_some(Slot::Labels));
     let mut reads = with_lights(plan, inputs);
     if plan.smooths {
         reads.resize(2, vec![]);
-        let slots = [Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
-        reads.push(slots.map(Input::Texture).into_iter().chain([Input::COLOR]).collect());
+        reads.push(vec![Slot::Outline, Slot::Coverage, Slot::OwnRays, Slot::OtherRays, Slot::COLOR]);
     }
     plan.changes_labels().then(|| Pass {
         feature: if plan.smooths { Feature::Edges } else { Feature::Finish },
         // Lines of ink end where something else is in front of a prop.
         group: FirstGroup::with_depth_if(is_resolved && plan.smooths || plan.has_ink, plan.samples),
         reads,
-        writes: vec![Output::Texture(Slot::Shown)],
-        depth: Some(if plan.smooths { Output::Texture(Slot::EdgeMask) } else { Output::DEPTH }),
+        writes: vec![Slot::Shown],
+        depth: Some(if plan.smooths { Slot::EdgeMask } else { Slot::DEPTH }),
         clear: Some(Clear::NegativeAlpha),
         draws: (0..programs.len()).map(Draw::triangle).collect(),
         programs,

@@ -12,7 +12,7 @@ use super::{
     lighting::shadow_filter,
 };
 use crate::render::{
-    frame::{Buffer, Clear, FirstGroup, Input, Output, Pass, Place, Program, Slot},
+    frame::{Clear, FirstGroup, Pass, Place, Program, Slot},
     plan::{Feature, Plan},
 };
 
@@ -23,16 +23,15 @@ pub(super) fn fog(plan: &Plan) -> Option<Pass> {
     let program =
         Program::new("fog").define("DISTANCE_FOG").define(shadow_filter(plan)).define_if(plan.smooths, "SMOOTH");
     let program = program.define_all(space(plan.target.space)).define_all(tonemapping(plan));
-    let [screen, view] = [Buffer::Screen, Buffer::View].map(Input::Buffer);
-    let mut reads = vec![screen, view, Input::Texture(shown_after(plan.stages.len())), Input::DEPTH, Input::Scene];
+    let mut reads = vec![Slot::Screen, Slot::View, shown_after(plan.stages.len()), Slot::DEPTH, Slot::Scene];
     if plan.smooths {
-        reads.extend([Slot::Outline, Slot::Coverage].map(Input::Texture));
+        reads.extend([Slot::Outline, Slot::Coverage]);
     }
     plan.has_fog.then(|| Pass {
         feature: Feature::Fog,
         group: FirstGroup::Lights,
         reads: vec![reads],
-        writes: vec![Output::Texture(Slot::Fogged)],
+        writes: vec![Slot::Fogged],
         clear: Some(Clear::NegativeAlpha),
         ..Pass::fullscreen(FOG, Place::Present, None, program)
     })

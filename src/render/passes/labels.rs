@@ -13,7 +13,7 @@ use bevy::{
 };
 
 use crate::render::{
-    frame::{Buffer, CachedResult, Clear, Draw, Fragment, Input, Output, Pass, Place, Program, Slot},
+    frame::{CachedResult, Clear, Draw, Fragment, Pass, Place, Program, Slot},
     plan::{Feature, Plan},
 };
 
@@ -30,14 +30,13 @@ pub(super) fn composite(plan: &Plan) -> Option<Pass> {
         .define_if(plan.iterations == 0, "UNFILTERED")
         .define_if(outlines, "OUTLINE")
         .depth_test(CompareFunction::Always, outlines);
-    let mut reads = vec![Input::COLOR, Input::OWNER, Input::Scene];
-    reads.extend(outlines.then_some(Input::DEPTH));
-    let slots: &[Slot] = if outlines { &[Slot::Even, Slot::Outline] } else { &[Slot::Even] };
+    let mut reads = vec![Slot::COLOR, Slot::OWNER, Slot::Scene];
+    reads.extend(outlines.then_some(Slot::DEPTH));
     plan.posterizes.then(|| Pass {
         feature: if outlines { Feature::Edges } else { Feature::Posterize },
         reads: vec![reads],
-        writes: slots.iter().map(|slot| Output::Texture(*slot)).collect(),
-        depth: outlines.then_some(Output::Texture(Slot::EdgeMask)),
+        writes: if outlines { vec![Slot::Even, Slot::Outline] } else { vec![Slot::Even] },
+        depth: outlines.then_some(Slot::EdgeMask),
         ..Pass::fullscreen(COMPOSITE, Place::Posterize, Some(CachedResult::Composite), program)
     })
 }
@@ -54,9 +53,9 @@ pub(super) fn filter(plan: &Plan) -> Vec<Pass> {
         let program = if is_first { program } else { program.where_props_are() };
         Pass {
             feature: Feature::Posterize,
-            reads: vec![vec![Input::Texture(from)]],
-            writes: vec![Output::Texture(to)],
-            depth: Some(Output::DEPTH),
+            reads: vec![vec![from]],
+            writes: vec![to],
+            depth: Some(Slot::DEPTH),
             draws: vec![Draw { instance: iteration, ..Draw::triangle(0) }],
             ..Pass::fullscreen(FILTER, Place::Posterize, Some(CachedResult::Composite), program)
         }
@@ -66,27 +65,25 @@ pub(super) fn filter(plan: &Plan) -> Vec<Pass> {
 
 /// Assigns labels.
 pub(super) fn label(plan: &Plan) -> Pass {
-    let source = if plan.posterizes { Input::Texture(Slot::Even) } else { Input::Scene };
+    let source = if plan.posterizes { Slot::Even } else { Slot::Scene };
     let program = Program::new("label")
         .define_all(space(plan.target.space))
         .define_if(!plan.posterizes, "UNPOSTERIZED")
         .define_if(plan.needs_labels(), "LABEL_TEXTURES")
         .define_if(plan.steadies(), "STEADY")
         .define_all(lit(plan));
-    let mut reads = vec![source, Input::COLOR];
+    let mut reads = vec![source, Slot::COLOR];
     if plan.posterizes {
-        reads.extend([Input::DEPTH, Input::Scene]);
+        reads.extend([Slot::DEPTH, Slot::Scene]);
     }
     if plan.steadies() {
-        reads.extend([Slot::FormerLabels, Slot::FormerDepth].map(Input::Texture));
+        reads.extend([Slot::FormerLabels, Slot::FormerDepth]);
     }
     // The finish pass reads colors of neighbors, so it writes to another texture. Both belong to the same result: neither
     // is ever drawn without the other.
     let shown = if plan.changes_labels() { Slot::Interim } else { Slot::Shown };
-    let mut writes = vec![Output::Texture(shown)];
-    if plan.needs_labels() {
-        writes.push(Output::Texture(Slot::Labels));
-    }
+    let mut writes = vec![shown];
+    writes.extend(plan.needs_labels().then_some(Slot::Labels));
     Pass {
         feature: match () {
             () if plan.steadies() => Feature::Finish,
@@ -96,7 +93,7 @@ pub(super) fn label(plan: &Plan) -> Pass {
         },
         reads: with_lights(plan, reads),
         writes,
-        depth: Some(Output::DEPTH),
+        depth: Some(Slot::DEPTH),
         clear: Some(Clear::NegativeAlpha),
         ..Pass::fullscreen(LABEL, Place::Posterize, Some(CachedResult::Labels), program.where_props_are())
     }
@@ -108,8 +105,8 @@ pub(super) fn stages(plan: &Plan) -> Vec<Pass> {
         let program = Program { fragment: Fragment::Custom(shader.clone()), ..Program::new("") };
         Pass {
             feature: Feature::Stages,
-            reads: vec![[shown_after(index), Slot::Labels].map(Input::Texture).to_vec()],
-            writes: vec![Output::Texture(shown_after(index + 1))],
+            reads: vec![vec![shown_after(index), Slot::Labels]],
+            writes: vec![shown_after(index + 1)],
             ..Pass::fullscreen(STAGE, Place::Posterize, None, program)
         }
     };
@@ -126,13 +123,9 @@ pub(super) fn shown_after(stages: usize) -> Slot {
 }
 
 /// Returns what a pass reads, and what it reads about lights.
-pub(super) fn with_lights(plan: &Plan, inputs: Vec<Input>) -> Vec<Vec<Input>> {
-    let mut reads = vec![inputs];
-    if let Some(light) = Slot::of_light(plan) {
-        let [settings, shades] = [Buffer::Lit, Buffer::Shades].map(Input::Buffer);
-        reads.push(vec![settings, Input::Texture(light), Input::OWNER, shades]);
-    }
-    reads
+pub(super) fn with_lights(plan: &Plan, inputs: Vec<Slot>) -> Vec<Vec<Slot>> {
+    let lights = Slot::of_light(plan).map(|light| vec![Slot::Lit, light, Slot::OWNER, Slot::Shades]);
+    [inputs].into_iter().chain(lights).collect()
 }
 
 /// Returns the shader definitions of what it reads about lights.

@@ -35,10 +35,7 @@ use crate::{
     lighting::PropLighting,
     render::{
         extract::{ExtractedProps, VisibleProps},
-        frame::{
-            Buffer, Clear, Draw, FirstGroup, InitPipelines, Input, Lights, Output, Pass, Pipelines, Place, Program,
-            PropView, Slot,
-        },
+        frame::{Clear, Draw, FirstGroup, InitPipelines, Lights, Pass, Pipelines, Place, Program, PropView, Slot},
         plan::{Feature, Plan},
         shades::{ShadedPalette, Shades},
         uniforms::LabelsUniform,
@@ -50,7 +47,7 @@ pub(super) const LIGHTING: &str = "plenoctree_lighting";
 pub(super) const SMOOTH_LIGHT: &str = "plenoctree_smooth_light";
 
 /// What `relief.wgsl` reads.
-const RELIEF: [Input; 4] = [Input::Buffer(Buffer::Lit), Input::Buffer(Buffer::View), Input::DEPTH, Input::OWNER];
+const RELIEF: [Slot; 4] = [Slot::Lit, Slot::View, Slot::DEPTH, Slot::OWNER];
 
 /// Finds the light that reaches props.
 pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
@@ -65,8 +62,8 @@ pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
         feature: Feature::Lighting,
         group: FirstGroup::Lights,
         reads: vec![RELIEF.to_vec()],
-        writes: vec![Output::Texture(Slot::Light)],
-        depth: Some(Output::DEPTH),
+        writes: vec![Slot::Light],
+        depth: Some(Slot::DEPTH),
         clear: Some(Clear::White),
         // All are compiled from the start, so that props keep their light when the first lamp appears, or the first
         // prop whose light is not smoothed.
@@ -82,9 +79,9 @@ pub(super) fn smooth_light(plan: &Plan) -> Option<Pass> {
     plan.is_brightened.then(|| Pass {
         feature: Feature::Lighting,
         group: FirstGroup::Lights,
-        reads: vec![RELIEF.into_iter().chain([Input::Texture(Slot::Light)]).collect()],
-        writes: vec![Output::Texture(Slot::SmoothLight)],
-        depth: Some(Output::DEPTH),
+        reads: vec![[&RELIEF[..], &[Slot::Light]].concat()],
+        writes: vec![Slot::SmoothLight],
+        depth: Some(Slot::DEPTH),
         clear: Some(Clear::White),
         ..Pass::fullscreen(SMOOTH_LIGHT, Place::Layer, None, program)
     })

@@ -27,7 +27,7 @@ use bevy::{
 use crate::{
     camera::PropPlacement,
     render::{
-        frame::{Clear, FirstGroup, Input, Output, Pass, Place, Program, PropView, Slot, run},
+        frame::{Clear, FirstGroup, Pass, Place, Program, PropView, Slot, run},
         plan::{Feature, Plan},
     },
     sets::PlenOctreeRenderSystems,
@@ -45,7 +45,7 @@ pub(super) fn hide_objects(plan: &Plan) -> Vec<Pass> {
         Pass {
             feature: Feature::Objects,
             reads,
-            depth: Some(Output::Target),
+            depth: Some(Slot::TargetDepth),
             samples: plan.samples,
             ..Pass::fullscreen(name, place, None, program)
         }
@@ -55,7 +55,7 @@ pub(super) fn hide_objects(plan: &Plan) -> Vec<Pass> {
     }
     let restore = pass(RESTORE_DEPTH, Place::Restore, Program::new("restore_depth"), vec![prop_pixels(plan)]);
     vec![
-        pass(HIDE_OBJECTS, Place::Hide, Program::new("hide_objects"), vec![prop_pixels(plan), vec![Input::DEPTH]]),
+        pass(HIDE_OBJECTS, Place::Hide, Program::new("hide_objects"), vec![prop_pixels(plan), vec![Slot::DEPTH]]),
         Pass { group: FirstGroup::SceneDepth(plan.samples), ..restore },
     ]
 }
@@ -69,8 +69,8 @@ pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
     plan.has_objects.then(|| Pass {
         feature: Feature::Objects,
         group: FirstGroup::with_depth_if(has_samples, plan.samples),
-        reads: vec![vec![Input::Scene, Input::DEPTH]],
-        writes: vec![Output::Texture(slot)],
+        reads: vec![vec![Slot::Scene, Slot::DEPTH]],
+        writes: vec![slot],
         clear: Some(Clear::Zero),
         samples: plan.samples,
         ..Pass::fullscreen(UNDER_OBJECTS, Place::Present, None, program)
@@ -82,15 +82,15 @@ pub(super) fn objects(plan: &Plan) -> Option<Pass> {
     let program = Program::new("objects").define_if(plan.smooths, "SMOOTH");
     plan.has_objects.then(|| Pass {
         feature: Feature::Objects,
-        reads: vec![prop_pixels(plan), vec![Input::Texture(Slot::Objects)]],
-        writes: vec![Output::Target],
+        reads: vec![prop_pixels(plan), vec![Slot::Objects]],
+        writes: vec![Slot::Target],
         ..Pass::fullscreen(OBJECTS, Place::Objects, None, program)
     })
 }
 
 /// Returns what `prop_pixels.wgsl` reads, the second texture if `SMOOTH` is defined.
-fn prop_pixels(plan: &Plan) -> Vec<Input> {
-    [Input::COLOR].into_iter().chain(plan.smooths.then_some(Input::Texture(Slot::Outline))).collect()
+fn prop_pixels(plan: &Plan) -> Vec<Slot> {
+    [Slot::COLOR].into_iter().chain(plan.smooths.then_some(Slot::Outline)).collect()
 }
 
 /// Adds the systems that run before and after the transparent main pass, and after *under_objects*.

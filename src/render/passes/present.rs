@@ -5,7 +5,7 @@ use bevy::render::render_resource::{BlendComponent, BlendState, CompareFunction}
 
 use super::labels::{shown_after, space};
 use crate::render::{
-    frame::{Blend, Draw, Input, Output, Pass, Place, Program, RaySet, Slot},
+    frame::{Blend, Draw, Pass, Place, Program, RaySet, Slot},
     plan::{Feature, Plan},
 };
 
@@ -20,10 +20,10 @@ pub(super) fn present(plan: &Plan) -> Vec<Pass> {
     let depth = Program::new("depth").define_if(plan.has_motion, "MOTION").depth_test(CompareFunction::Greater, true);
     // The colors are already composited: they are replaced, and alpha is blended over the target's alpha.
     let replace = Blend::With(BlendState { color: BlendComponent::REPLACE, alpha: BlendComponent::OVER });
-    let of_edges = hidden.map_or(vec![], |_| [Slot::Outline, Slot::Coverage].map(Input::Texture).to_vec());
-    let of_motion = plan.has_motion.then_some(Input::Texture(Slot::Motion(RaySet::Pixels)));
+    let of_edges = hidden.map_or(vec![], |_| vec![Slot::Outline, Slot::Coverage]);
+    let of_motion = plan.has_motion.then_some(Slot::Motion(RaySet::Pixels));
     let shown = if plan.has_fog { Slot::Fogged } else { shown_after(plan.stages.len()) };
-    let reads = vec![vec![Input::Texture(shown), Input::DEPTH], of_edges, of_motion.into_iter().collect()];
+    let reads = vec![vec![shown, Slot::DEPTH], of_edges, of_motion.into_iter().collect()];
     let pass = |programs: Vec<Program>, writes, depth, samples| Pass {
         feature: if hidden.is_some() { Feature::Edges } else { Feature::Base },
         reads: reads.clone(),
@@ -34,16 +34,16 @@ pub(super) fn present(plan: &Plan) -> Vec<Pass> {
         programs,
         ..Pass::fullscreen(PRESENT, Place::Present, None, Program::new("present"))
     };
-    let motion = plan.has_motion.then_some(Output::PrepassMotion);
+    let motion = plan.has_motion.then_some(Slot::PrepassMotion);
     if plan.target.samples == plan.samples {
         let colors = Program { blends: vec![replace, Blend::Masked], ..colors };
         let depth = Program { blends: vec![Blend::Masked, Blend::Replace], ..depth };
-        let writes = [Output::Target].into_iter().chain(motion).collect();
-        return vec![pass(vec![colors, depth], writes, Some(Output::Target), plan.samples)];
+        let writes = [Slot::Target].into_iter().chain(motion).collect();
+        return vec![pass(vec![colors, depth], writes, Some(Slot::TargetDepth), plan.samples)];
     }
     let colors = Program { blends: vec![replace], ..colors };
     vec![
-        pass(vec![colors], vec![Output::Target], None, plan.target.samples),
-        pass(vec![depth], vec![], Some(Output::Target), plan.samples),
+        pass(vec![colors], vec![Slot::Target], None, plan.target.samples),
+        pass(vec![depth], vec![], Some(Slot::TargetDepth), plan.samples),
     ]
 }

@@ -10,7 +10,7 @@ use bevy::render::render_resource::CompareFunction;
 
 use super::volume::layer;
 use crate::render::{
-    frame::{Buffer, CachedResult, FirstGroup, Input, Output, Pass, Place, Program, RaySet, Slot},
+    frame::{CachedResult, FirstGroup, Pass, Place, Program, RaySet, Slot},
     plan::{Feature, Plan},
 };
 
@@ -19,25 +19,23 @@ pub(super) const FILL: &str = "plenoctree_fill";
 
 /// Finds the gaps whose pixels need rays.
 pub(super) fn check(plan: &Plan) -> Pass {
-    let textures =
-        [Slot::Color(RaySet::Grid), Slot::Owner(RaySet::Grid), Slot::Depth(RaySet::Grid)].map(Input::Texture);
-    let buffers = [Buffer::BatchCounts, Buffer::BatchGaps].map(Input::WrittenBuffer);
+    let [color, owner, depth] = [Slot::Color, Slot::Owner, Slot::Depth].map(|slot| slot(RaySet::Grid));
     Pass {
         feature: Feature::Sparse,
         group: FirstGroup::SceneDepth(plan.samples),
-        reads: vec![textures.into_iter().chain(buffers).collect()],
-        writes: vec![Output::Texture(Slot::Gaps)],
-        zeroes: Some(Buffer::BatchCounts),
+        reads: vec![vec![color, owner, depth, Slot::BatchCounts, Slot::BatchGaps]],
+        writes: vec![Slot::Gaps],
+        zeroes: Some(Slot::BatchCounts),
         ..Pass::fullscreen(CHECK, Place::Layer, Some(CachedResult::Layer), Program::new("check"))
     }
 }
 
 /// Completes the layer.
 pub(super) fn fill(plan: &Plan) -> Pass {
-    let of = |slot: fn(RaySet) -> Slot| [RaySet::Grid, RaySet::Batches].map(|rays| Input::Texture(slot(rays)));
+    let of = |slot: fn(RaySet) -> Slot| [RaySet::Grid, RaySet::Batches].map(slot);
     let [[color, batched_color], [owner, batched_owner], [depth, batched_depth]] =
         [of(Slot::Color), of(Slot::Owner), of(Slot::Depth)];
-    let mut reads = vec![Input::Texture(Slot::Gaps), color, owner, depth, batched_color, batched_owner, batched_depth];
+    let mut reads = vec![Slot::Gaps, color, owner, depth, batched_color, batched_owner, batched_depth];
     if plan.has_motion {
         reads.extend(of(Slot::Motion));
     }
@@ -46,7 +44,7 @@ pub(super) fn fill(plan: &Plan) -> Pass {
         feature: Feature::Sparse,
         reads: vec![reads],
         writes: layer(plan, RaySet::Pixels),
-        depth: Some(Output::DEPTH),
+        depth: Some(Slot::DEPTH),
         ..Pass::fullscreen(FILL, Place::Layer, Some(CachedResult::Layer), program)
     }
 }

@@ -13,7 +13,7 @@ use crate::{
     gpu::LeftOut,
     headless::{Headless, exact_camera},
     render::{
-        frame::{CachedResult, Input, Output, PropView},
+        frame::{CachedResult, PropView, Slot},
         plan::Feature,
     },
 };
@@ -70,11 +70,8 @@ fn passes_and_bytes(posterize: Option<Posterize>) -> Vec<(&'static str, u32)> {
 
 /// Returns the bytes that a pass writes to a pixel, if it writes to all of its attachments.
 fn written(pass: &Pass) -> u32 {
-    let bytes = |output: &Output| match output {
-        Output::Texture(slot) => slot.format().and_then(|format| format.block_copy_size(None)).unwrap_or(4),
-        // Four bytes of color, a float of depth, or two half floats.
-        Output::Target | Output::PrepassMotion => 4,
-    };
+    // The target has four bytes of color.
+    let bytes = |slot: &Slot| slot.format().and_then(|format| format.block_copy_size(None)).unwrap_or(4);
     let depth = pass.depth.iter().filter(|_| pass.writes_depth());
     pass.writes.iter().chain(depth).map(bytes).sum()
 }
@@ -117,11 +114,8 @@ fn what_later_passes_replace_is_written_again_for_those_that_read_it() {
         // Whenever a result is drawn, so are all later ones, and all passes without one.
         let result = |pass: &Pass| pass.result.map_or(CachedResult::ALL.len(), |result| result as usize);
         for (index, pass) in passes.iter().enumerate() {
-            for input in pass.reads.iter().flatten() {
-                let Input::Texture(slot) = input else {
-                    continue;
-                };
-                let writes = |other: &&Pass| other.writes.contains(&Output::Texture(*slot));
+            for slot in pass.reads.iter().flatten() {
+                let writes = |other: &&Pass| other.writes.contains(slot);
                 if passes[index + 1..].iter().any(|other| writes(&other)) {
                     let writer = passes[..index].iter().rfind(writes).unwrap();
                     assert!(result(writer) >= result(pass), "{}, {slot:?}", pass.name);

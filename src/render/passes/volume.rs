@@ -20,8 +20,8 @@ use crate::{
     render::{
         extract::{ExtractedProps, VisibleProps},
         frame::{
-            BATCH, Blend, CachedResult, Clear, Draw, FirstGroup, Input, Output, Pass, Pipelines, Place, Program,
-            RaySet, Slot, batch_side, batches,
+            BATCH, Blend, CachedResult, Clear, Draw, FirstGroup, Pass, Pipelines, Place, Program, RaySet, Slot,
+            batch_side, batches,
         },
         plan::{Feature, Kind, Plan, PlannedProp},
     },
@@ -66,10 +66,10 @@ pub(super) fn solid(plan: &Plan, rays: RaySet) -> Vec<Pass> {
     let name = if rays == RaySet::Batches { SOLID_BATCHES } else { SOLID };
     let pass = |(round, (prop, depth)): (usize, (Slot, Slot))| {
         let mut pass = marching(name, plan, rays);
-        pass.writes = vec![Output::Texture(prop)];
-        pass.depth = Some(Output::Texture(depth));
+        pass.writes = vec![prop];
+        pass.depth = Some(depth);
         if round > 0 {
-            pass.reads = vec![vec![Input::Texture(Slot::Nearest(rays))]];
+            pass.reads = vec![vec![Slot::Nearest(rays)]];
         }
         let mut trees = vec![];
         // Front to back: of equal depths, the first one stays.
@@ -105,20 +105,20 @@ pub(super) fn volume(plan: &Plan, rays: RaySet) -> Pass {
 /// Returns the volume pass without its draws.
 fn volume_of(plan: &Plan, rays: RaySet) -> Pass {
     let mut pass = marching(if rays == RaySet::Batches { VOLUME_BATCHES } else { VOLUME }, plan, rays);
-    let slots = [Slot::Nearest(rays), Slot::NearestDepth(rays), Slot::Opaque(rays), Slot::OpaqueDepth(rays)];
     if plan.overlaps {
-        pass.reads = vec![slots.map(Input::Texture).to_vec()];
+        let slots = [Slot::Nearest, Slot::NearestDepth, Slot::Opaque, Slot::OpaqueDepth];
+        pass.reads = vec![slots.map(|slot| slot(rays)).to_vec()];
     }
     pass.writes = layer(plan, rays);
-    pass.depth = Some(Output::Texture(Slot::Depth(rays)));
+    pass.depth = Some(Slot::Depth(rays));
     pass
 }
 
 /// Returns the color attachments of a layer.
-pub(super) fn layer(plan: &Plan, rays: RaySet) -> Vec<Output> {
-    let mut writes = vec![Output::Texture(Slot::Color(rays))];
-    writes.extend(plan.has_owners().then_some(Output::Texture(Slot::Owner(rays))));
-    writes.extend(plan.has_motion.then_some(Output::Texture(Slot::Motion(rays))));
+pub(super) fn layer(plan: &Plan, rays: RaySet) -> Vec<Slot> {
+    let mut writes = vec![Slot::Color(rays)];
+    writes.extend(plan.has_owners().then_some(Slot::Owner(rays)));
+    writes.extend(plan.has_motion.then_some(Slot::Motion(rays)));
     writes
 }
 

@@ -13,7 +13,7 @@ use bevy::{
 
 use super::{
     cached::{CachedCasters, CasterKey, Tile},
-    pipeline::{SHADOW_SPAN, TILE, passes},
+    pipeline::{SHADOW_SPAN, passes},
     texels::{LightView, clip_from_part, parts},
 };
 use crate::{
@@ -21,7 +21,7 @@ use crate::{
     quality::PropQuality,
     render::{
         extract::ExtractedProps,
-        frame::{BindGroups, FirstGroup, Pipelines, TILE_FORMAT},
+        frame::{BindGroups, FirstGroup, Pipelines, Slot, TILE_FORMAT},
         uniforms::{PropUniform, ViewUniform},
     },
 };
@@ -86,7 +86,7 @@ pub(super) fn prepare_maps(
     mut maps: Query<(&ExtractedView, &mut MapProps)>,
 ) {
     let layout = pipelines.first_layout(FirstGroup::Map);
-    let layout_of_tile = cache.get_bind_group_layout(&pipelines.inputs_layout(SHADOW_SPAN, &[TILE]));
+    let layout_of_tile = cache.get_bind_group_layout(&pipelines.inputs_layout(SHADOW_SPAN, &[Slot::ShadowTile]));
     let mut of_trees = HashMap::<TreeShape, [CachedRenderPipelineId; 3]>::default();
     for (view, mut map) in &mut maps {
         let MapProps { order, filled, drawn, cached, allocator, view: of_view, uniforms, props, groups, group } =

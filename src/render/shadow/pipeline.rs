@@ -4,15 +4,12 @@ use bevy::render::render_resource::CompareFunction;
 
 use crate::{
     gpu::TreeShape,
-    render::frame::{FirstGroup, Input, Output, Pass, Place, Program, Slot},
+    render::frame::{FirstGroup, Pass, Place, Program, Slot},
 };
 
 /// The name of the pass's span in Bevy's render diagnostics. There is one per camera, for all of its cascades, and one
 /// for every map of a point or spot light.
 pub const SHADOW_SPAN: &str = "plenoctree_shadow";
-
-/// A tile, as it is read to copy it.
-pub(super) const TILE: Input = Input::Texture(Slot::ShadowTile);
 
 /// Returns the passes that march rays into the map, march rays into a tile, and copy a tile into the map.
 pub(super) fn passes(tree: TreeShape) -> [Pass; 3] {
@@ -20,13 +17,12 @@ pub(super) fn passes(tree: TreeShape) -> [Pass; 3] {
     // Bevy's maps have the depth order of the scene's depth texture.
     let pass = |program: Program| Pass {
         group: FirstGroup::Map,
-        depth: Some(Output::Target),
+        depth: Some(Slot::TargetDepth),
         ..Pass::fullscreen(SHADOW_SPAN, Place::Layer, None, program.depth_test(CompareFunction::Greater, true))
     };
-    let tile = Output::Texture(Slot::ShadowTile);
     [
         pass(program(Some(tree))),
-        Pass { writes: vec![tile], depth: None, ..pass(program(Some(tree)).define("TO_TILE")) },
-        Pass { reads: vec![vec![TILE]], ..pass(program(None).define("FROM_TILE")) },
+        Pass { writes: vec![Slot::ShadowTile], depth: None, ..pass(program(Some(tree)).define("TO_TILE")) },
+        Pass { reads: vec![vec![Slot::ShadowTile]], ..pass(program(None).define("FROM_TILE")) },
     ]
 }
