@@ -42,8 +42,8 @@ pub(in crate::render) struct Pass {
 }
 
 impl Pass {
-    /// Returns a pass that draws one triangle over the drawn part of the view.
-    pub fn fullscreen(name: &'static str, place: Place, result: Option<CachedResult>, program: Program) -> Self {
+    /// Returns a pass that draws a triangle with each of its programs, over the drawn part of the view.
+    pub fn fullscreen(name: &'static str, place: Place, result: Option<CachedResult>, programs: Vec<Program>) -> Self {
         Self {
             name,
             place,
@@ -56,9 +56,9 @@ impl Pass {
             clear: None,
             zeroes: None,
             samples: 1,
-            programs: vec![program],
+            draws: (0..programs.len()).map(Draw::triangle).collect(),
+            programs,
             pipelines: vec![],
-            draws: vec![Draw::triangle(0)],
         }
     }
 

@@ -48,7 +48,7 @@ pub(super) fn outline(plan: &Plan) -> Option<Pass> {
         reads: vec![vec![Slot::COLOR, Slot::OWNER, Slot::DEPTH]],
         writes: [&[Slot::Outline][..], rays].concat(),
         depth: Some(Slot::EdgeMask),
-        ..Pass::fullscreen(OUTLINE, Place::Layer, Some(CachedResult::Layer), program)
+        ..Pass::fullscreen(OUTLINE, Place::Layer, Some(CachedResult::Layer), vec![program])
     })
 }
 
@@ -97,8 +97,7 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         reads: vec![reads],
         writes: vec![Slot::Coverage, Slot::OwnRays, third],
         depth: Some(Slot::EdgeMask),
-        programs,
         draws,
-        ..Pass::fullscreen(COVERAGE, place, Some(CachedResult::Layer), Program::new("coverage"))
+        ..Pass::fullscreen(COVERAGE, place, Some(CachedResult::Layer), programs)
     }
 }

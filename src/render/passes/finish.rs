@@ -3,7 +3,7 @@
 
 use super::labels::{lit, space, with_lights};
 use crate::render::{
-    frame::{CachedResult, Clear, Draw, FirstGroup, Pass, Place, Program, Slot},
+    frame::{CachedResult, Clear, FirstGroup, Pass, Place, Program, Slot},
     plan::{Feature, Plan},
 };
 
@@ -36,8 +36,6 @@ pub(super) fn finish(plan: &Plan) -> Option<Pass> {
         writes: vec![Slot::Shown],
         depth: Some(if plan.smooths { Slot::EdgeMask } else { Slot::DEPTH }),
         clear: Some(Clear::NegativeAlpha),
-        draws: (0..programs.len()).map(Draw::triangle).collect(),
-        programs,
-        ..Pass::fullscreen(FINISH, Place::Posterize, Some(CachedResult::Labels), Program::new("finish"))
+        ..Pass::fullscreen(FINISH, Place::Posterize, Some(CachedResult::Labels), programs)
     })
 }

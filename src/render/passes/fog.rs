@@ -33,7 +33,7 @@ pub(super) fn fog(plan: &Plan) -> Option<Pass> {
         reads: vec![reads],
         writes: vec![Slot::Fogged],
         clear: Some(Clear::NegativeAlpha),
-        ..Pass::fullscreen(FOG, Place::Present, None, program)
+        ..Pass::fullscreen(FOG, Place::Present, None, vec![program])
     })
 }
 

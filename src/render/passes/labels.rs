@@ -37,7 +37,7 @@ pub(super) fn composite(plan: &Plan) -> Option<Pass> {
         reads: vec![reads],
         writes: if outlines { vec![Slot::Even, Slot::Outline] } else { vec![Slot::Even] },
         depth: outlines.then_some(Slot::EdgeMask),
-        ..Pass::fullscreen(COMPOSITE, Place::Posterize, Some(CachedResult::Composite), program)
+        ..Pass::fullscreen(COMPOSITE, Place::Posterize, Some(CachedResult::Composite), vec![program])
     })
 }
 
@@ -57,7 +57,7 @@ pub(super) fn filter(plan: &Plan) -> Vec<Pass> {
             writes: vec![to],
             depth: Some(Slot::DEPTH),
             draws: vec![Draw { instance: iteration, ..Draw::triangle(0) }],
-            ..Pass::fullscreen(FILTER, Place::Posterize, Some(CachedResult::Composite), program)
+            ..Pass::fullscreen(FILTER, Place::Posterize, Some(CachedResult::Composite), vec![program])
         }
     };
     (0..iterations).flat_map(|iteration| directions.map(|direction| pass(iteration, direction))).collect()
@@ -95,7 +95,7 @@ pub(super) fn label(plan: &Plan) -> Pass {
         writes,
         depth: Some(Slot::DEPTH),
         clear: Some(Clear::NegativeAlpha),
-        ..Pass::fullscreen(LABEL, Place::Posterize, Some(CachedResult::Labels), program.where_props_are())
+        ..Pass::fullscreen(LABEL, Place::Posterize, Some(CachedResult::Labels), vec![program.where_props_are()])
     }
 }
 
@@ -107,7 +107,7 @@ pub(super) fn stages(plan: &Plan) -> Vec<Pass> {
             feature: Feature::Stages,
             reads: vec![vec![shown_after(index), Slot::Labels]],
             writes: vec![shown_after(index + 1)],
-            ..Pass::fullscreen(STAGE, Place::Posterize, None, program)
+            ..Pass::fullscreen(STAGE, Place::Posterize, None, vec![program])
         }
     };
     plan.stages.iter().enumerate().map(pass).collect()

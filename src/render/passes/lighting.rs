@@ -65,11 +65,10 @@ pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
         writes: vec![Slot::Light],
         depth: Some(Slot::DEPTH),
         clear: Some(Clear::White),
-        // All are compiled from the start, so that props keep their light when the first lamp appears, or the first
+        // All programs are compiled from the start, so that props keep their light when the first lamp appears, or the first
         // prop whose light is not smoothed.
-        programs: programs.map(program).collect(),
         draws: vec![Draw::triangle(drawn)],
-        ..Pass::fullscreen(LIGHTING, Place::Layer, None, Program::new("lighting"))
+        ..Pass::fullscreen(LIGHTING, Place::Layer, None, programs.map(program).collect())
     })
 }
 
@@ -83,7 +82,7 @@ pub(super) fn smooth_light(plan: &Plan) -> Option<Pass> {
         writes: vec![Slot::SmoothLight],
         depth: Some(Slot::DEPTH),
         clear: Some(Clear::White),
-        ..Pass::fullscreen(SMOOTH_LIGHT, Place::Layer, None, program)
+        ..Pass::fullscreen(SMOOTH_LIGHT, Place::Layer, None, vec![program])
     })
 }
 

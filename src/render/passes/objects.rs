@@ -47,7 +47,7 @@ pub(super) fn hide_objects(plan: &Plan) -> Vec<Pass> {
             reads,
             depth: Some(Slot::TargetDepth),
             samples: plan.samples,
-            ..Pass::fullscreen(name, place, None, program)
+            ..Pass::fullscreen(name, place, None, vec![program])
         }
     };
     if !plan.has_objects {
@@ -73,7 +73,7 @@ pub(super) fn under_objects(plan: &Plan) -> Option<Pass> {
         writes: vec![slot],
         clear: Some(Clear::Zero),
         samples: plan.samples,
-        ..Pass::fullscreen(UNDER_OBJECTS, Place::Present, None, program)
+        ..Pass::fullscreen(UNDER_OBJECTS, Place::Present, None, vec![program])
     })
 }
 
@@ -84,7 +84,7 @@ pub(super) fn objects(plan: &Plan) -> Option<Pass> {
         feature: Feature::Objects,
         reads: vec![prop_pixels(plan), vec![Slot::Objects]],
         writes: vec![Slot::Target],
-        ..Pass::fullscreen(OBJECTS, Place::Objects, None, program)
+        ..Pass::fullscreen(OBJECTS, Place::Objects, None, vec![program])
     })
 }
 

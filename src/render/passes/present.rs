@@ -5,7 +5,7 @@ use bevy::render::render_resource::{BlendComponent, BlendState, CompareFunction}
 
 use super::labels::{shown_after, space};
 use crate::render::{
-    frame::{Blend, Draw, Pass, Place, Program, RaySet, Slot},
+    frame::{Blend, Pass, Place, Program, RaySet, Slot},
     plan::{Feature, Plan},
 };
 
@@ -30,9 +30,7 @@ pub(super) fn present(plan: &Plan) -> Vec<Pass> {
         writes,
         depth,
         samples,
-        draws: (0..programs.len()).map(Draw::triangle).collect(),
-        programs,
-        ..Pass::fullscreen(PRESENT, Place::Present, None, Program::new("present"))
+        ..Pass::fullscreen(PRESENT, Place::Present, None, programs)
     };
     let motion = plan.has_motion.then_some(Slot::PrepassMotion);
     if plan.target.samples == plan.samples {

@@ -26,7 +26,7 @@ pub(super) fn check(plan: &Plan) -> Pass {
         reads: vec![vec![color, owner, depth, Slot::BatchCounts, Slot::BatchGaps]],
         writes: vec![Slot::Gaps],
         zeroes: Some(Slot::BatchCounts),
-        ..Pass::fullscreen(CHECK, Place::Layer, Some(CachedResult::Layer), Program::new("check"))
+        ..Pass::fullscreen(CHECK, Place::Layer, Some(CachedResult::Layer), vec![Program::new("check")])
     }
 }
 
@@ -45,6 +45,6 @@ pub(super) fn fill(plan: &Plan) -> Pass {
         reads: vec![reads],
         writes: layer(plan, RaySet::Pixels),
         depth: Some(Slot::DEPTH),
-        ..Pass::fullscreen(FILL, Place::Layer, Some(CachedResult::Layer), program)
+        ..Pass::fullscreen(FILL, Place::Layer, Some(CachedResult::Layer), vec![program])
     }
 }

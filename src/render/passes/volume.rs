@@ -147,18 +147,17 @@ fn volume_program(plan: &Plan, rays: RaySet, kind: Kind) -> Program {
     .depth_test(CompareFunction::Always, true)
 }
 
-/// Returns a pass that marches through props.
+/// Returns a pass that marches through props, without its draws.
 fn marching(name: &'static str, plan: &Plan, rays: RaySet) -> Pass {
-    let mut pass = Pass::fullscreen(name, Place::Layer, Some(CachedResult::Layer), Program::new(""));
-    pass.programs.clear();
-    pass.draws.clear();
-    pass.clear = Some(Clear::Zero);
-    pass.group = match rays {
-        RaySet::Batches => FirstGroup::Batches(plan.samples),
-        RaySet::Pixels | RaySet::Grid => FirstGroup::SceneDepth(plan.samples),
-    };
-    pass.feature = if plan.is_sparse() { Feature::Sparse } else { Feature::Base };
-    pass
+    Pass {
+        feature: if plan.is_sparse() { Feature::Sparse } else { Feature::Base },
+        group: match rays {
+            RaySet::Batches => FirstGroup::Batches(plan.samples),
+            RaySet::Pixels | RaySet::Grid => FirstGroup::SceneDepth(plan.samples),
+        },
+        clear: Some(Clear::Zero),
+        ..Pass::fullscreen(name, Place::Layer, Some(CachedResult::Layer), vec![])
+    }
 }
 
 /// Returns a program that marches through fields of a shape.

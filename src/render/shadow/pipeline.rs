@@ -13,12 +13,13 @@ pub const SHADOW_SPAN: &str = "plenoctree_shadow";
 
 /// Returns the passes that march rays into the map, march rays into a tile, and copy a tile into the map.
 pub(super) fn passes(tree: TreeShape) -> [Pass; 3] {
-    let program = |tree| Program { vertex: "shadow", tree, ..Program::new("shadow").define("SHADOW_MAP") };
     // Bevy's maps have the depth order of the scene's depth texture.
-    let pass = |program: Program| Pass {
+    let shadow = Program::new("shadow").define("SHADOW_MAP").depth_test(CompareFunction::Greater, true);
+    let program = |tree| Program { vertex: "shadow", tree, ..shadow.clone() };
+    let pass = |program| Pass {
         group: FirstGroup::Map,
         depth: Some(Slot::TargetDepth),
-        ..Pass::fullscreen(SHADOW_SPAN, Place::Layer, None, program.depth_test(CompareFunction::Greater, true))
+        ..Pass::fullscreen(SHADOW_SPAN, Place::Layer, None, vec![program])
     };
     [
         pass(program(Some(tree))),
