@@ -52,7 +52,7 @@ pub(super) struct ExtractedProp {
     /// The factors of linear light.
     pub tint: Vec3,
     pub posterize: Option<ExtractedPosterize>,
-    /// The palette by which it is recolored as trained.
+    /// The palette by which it is recolored as trained. `None` if it is posterized.
     pub recolor: Option<PlacedPalette>,
     pub ink: Option<ExtractedInk>,
     /// The index of the prop with its earlier field, which is drawn until this one is on the GPU.

@@ -26,7 +26,7 @@ use super::{
     extract::{ExtractedProps, VisibleProps},
     frame::{Comparison, Draw, InitPipelines, PaletteBuffer, Pass, Pipelines, PropView, RaySet, Slot},
     passes,
-    plan::{Feature, Known, Plan, Target, choose_levels, decide, drawn_viewport},
+    plan::{Feature, Known, Plan, choose_levels, decide, drawn_viewport, look_ahead},
 };
 use crate::{
     camera::PropPlacement,
@@ -145,15 +145,14 @@ fn plan_views(
             former: view.plan.former.as_ref().filter(|_| view.is_drawn),
         };
         let (planned, left_out) = plan(&known, &mut view.held_frames, &extracted, &fields, &mut pipelines, &cache);
+        let drawn = planned.as_ref().map_or(&[][..], |(plan, _)| &plan.props[..]);
+        let (ahead, kinds) = look_ahead(&known, drawn, &extracted, &fields);
+        passes::request(&ahead, &kinds, &mut pipelines, &cache);
         let Some((plan, passes)) = planned else {
-            let target = Target { format: extracted_view.target_format, ..default() };
-            let nothing = Plan { placement: known.placement, samples: msaa.samples(), target, ..default() };
-            passes::request(&visible, &nothing, &extracted, &fields, &mut pipelines, &cache);
             view.clear();
             view.left_out = left_out;
             continue;
         };
-        passes::request(&visible, &plan, &extracted, &fields, &mut pipelines, &cache);
         (view.plan, view.left_out, view.is_drawn) = (plan, left_out, false);
         view.passes = passes;
         let PropView { plan, passes, textures, buffers, cached, .. } = view;

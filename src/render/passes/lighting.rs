@@ -65,8 +65,8 @@ pub(super) fn lighting(plan: &Plan) -> Option<Pass> {
         writes: vec![Slot::Light],
         depth: Some(Slot::DEPTH),
         clear: Some(Clear::White),
-        // All programs are compiled from the start, so that props keep their light when the first lamp appears, or the first
-        // prop whose light is not smoothed.
+        // All programs are compiled from the start, so that props keep their light when the first lamp appears, or the
+        // first prop whose light is not smoothed.
         draws: vec![Draw::triangle(drawn)],
         ..Pass::fullscreen(LIGHTING, Place::Layer, None, programs.map(program).collect())
     })

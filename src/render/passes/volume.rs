@@ -8,17 +8,14 @@
 
 use bevy::{
     prelude::*,
-    render::{
-        render_asset::RenderAssets,
-        render_resource::{BlendComponent, BlendFactor, BlendOperation, BlendState, CompareFunction, PipelineCache},
+    render::render_resource::{
+        BlendComponent, BlendFactor, BlendOperation, BlendState, CompareFunction, PipelineCache,
     },
 };
 
 use crate::{
-    camera::PropPlacement,
-    gpu::{FieldShape, GpuField, Level, TreeShape, field_definitions},
+    gpu::{FieldShape, TreeShape, field_definitions},
     render::{
-        extract::{ExtractedProps, VisibleProps},
         frame::{
             BATCH, Blend, CachedResult, Clear, Draw, FirstGroup, Pass, Pipelines, Place, Program, RaySet, Slot,
             batch_side, batches,
@@ -196,60 +193,10 @@ pub(super) fn index_of<K: PartialEq>(keys: &mut Vec<K>, key: K, add: impl FnOnce
     })
 }
 
-/// Requests the pipelines of fields that are arriving or that no prop shows yet, so that a prop can show them as soon
-/// as it may, and of the levels of those that are drawn.
-pub(in crate::render) fn request(
-    visible: &VisibleProps,
-    drawn: &Plan,
-    extracted: &ExtractedProps,
-    fields: &RenderAssets<GpuField>,
-    pipelines: &mut Pipelines,
-    cache: &PipelineCache,
-) {
-    let props = || visible.props.iter().filter_map(|index| extracted.props.get(*index));
-    let in_scene = drawn.placement == PropPlacement::Scene;
-    let mut plan = Plan {
-        samples: drawn.samples,
-        target: drawn.target,
-        spacing: 1,
-        posterizes: visible.view_posterize.is_some() || props().any(|prop| prop.posterize.is_some()),
-        is_lit: in_scene && props().any(|prop| prop.is_lit()),
-        has_fog: in_scene && visible.has_fog,
-        has_motion: in_scene && visible.has_motion,
-        ..default()
-    };
-    // What the pipelines of props differ in, but for the shape.
-    let mut kinds = [false; 4];
-    for prop in props() {
-        let may_recolor = prop.posterize.is_none() && prop.recolor.is_some();
-        kinds[2 * usize::from(plan.is_lit && prop.is_lit()) + usize::from(may_recolor)] = true;
-    }
-    let mut request = |kind: Kind| {
-        plan.overlaps = kind.overlaps;
-        let pass = volume_of(&plan, RaySet::Pixels);
-        pipelines.get(cache, &pass, &volume_program(&plan, RaySet::Pixels, kind), plan.target.format);
-    };
-    let mut shapes = vec![];
-    for (id, field) in fields.iter() {
-        let unseen = || field.level(Level::default()).filter(|_| extracted.props.iter().all(|prop| prop.field != id));
-        if let Some(shape) = field.arriving_shape().or_else(|| Some(unseen()?.shape))
-            && !shapes.contains(&shape)
-        {
-            shapes.push(shape);
-        }
-    }
-    for shape in shapes {
-        for kind in (0..kinds.len()).filter(|kind| kinds[*kind]) {
-            let [is_lit, may_recolor] = [kind & 2 != 0, kind & 1 != 0];
-            request(Kind { shape, overlaps: false, is_lit, may_recolor });
-            if visible.props.len() > 1 {
-                request(Kind { shape, overlaps: true, is_lit, may_recolor });
-            }
-        }
-    }
-    let changes_levels = visible.quality.cell_size > 0.0 || Level::new(0, &visible.quality) != Level::default();
-    for prop in drawn.props.iter().filter(|_| changes_levels) {
-        let shape = FieldShape { inner_records: !prop.kind.shape.inner_records, ..prop.kind.shape };
-        request(Kind { shape, ..prop.kind });
+/// Requests the pipelines of props of these kinds.
+pub(in crate::render) fn request(plan: &Plan, kinds: &[Kind], pipelines: &mut Pipelines, cache: &PipelineCache) {
+    let pass = volume_of(plan, RaySet::Pixels);
+    for kind in kinds {
+        pipelines.get(cache, &pass, &volume_program(plan, RaySet::Pixels, *kind), plan.target.format);
     }
 }

@@ -126,7 +126,7 @@ pub(in crate::render) fn decide(
                 shape: seen.field.shape,
                 overlaps: found && overlaps,
                 is_lit: seen.prop.is_lit() && in_scene && has(Feature::Lighting),
-                may_recolor: seen.posterize.is_none() && seen.prop.recolor.is_some(),
+                may_recolor: seen.prop.recolor.is_some(),
             };
             PlannedProp {
                 entity: seen.prop.entity,
@@ -253,7 +253,7 @@ pub(in crate::render) fn decide(
             && !props.is_empty(),
         former: steadies.then_some(now),
         keeps_labels,
-        recolors: seen.iter().any(|seen| seen.posterize.is_none() && seen.prop.recolor.is_some_and(|of| of.is_changed)),
+        recolors: seen.iter().any(|seen| seen.prop.recolor.is_some_and(|palette| palette.is_changed)),
         props,
         values,
         ..pipelines

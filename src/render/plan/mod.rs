@@ -1,5 +1,6 @@
 //! The plan of a view's frame: everything that is decided, in one place. Passes read it and decide nothing.
 
+mod ahead;
 mod decide;
 mod levels;
 mod motion;
@@ -7,6 +8,7 @@ mod overlap;
 mod steady;
 mod view;
 
+pub(super) use ahead::look_ahead;
 pub(super) use decide::{Known, decide};
 pub(super) use levels::choose_levels;
-pub(super) use view::{Feature, Kind, Plan, PlanValues, PlannedProp, Target, drawn_viewport};
+pub(super) use view::{Feature, Kind, Plan, PlanValues, PlannedProp, drawn_viewport};

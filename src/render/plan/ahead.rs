@@ -1,0 +1,56 @@
+//! What a view may soon draw, so that the pipelines are ready when it does.
+
+use bevy::{platform::collections::HashSet, prelude::*, render::render_asset::RenderAssets};
+
+use super::{
+    decide::Known,
+    view::{Kind, Plan, PlannedProp, Target},
+};
+use crate::{
+    camera::PropPlacement,
+    gpu::{FieldShape, GpuField, Level},
+    render::extract::ExtractedProps,
+};
+
+/// Returns the kinds of props that may be drawn soon, and the plan in which they would be: with fields that are arriving
+/// or that no prop shows yet, and with other levels of those that are `drawn`.
+pub(in crate::render) fn look_ahead(
+    known: &Known,
+    drawn: &[PlannedProp],
+    extracted: &ExtractedProps,
+    fields: &RenderAssets<GpuField>,
+) -> (Plan, Vec<Kind>) {
+    let visible = known.visible;
+    let props = || visible.props.iter().filter_map(|index| extracted.props.get(*index));
+    let in_scene = known.placement == PropPlacement::Scene;
+    let plan = Plan {
+        samples: known.samples,
+        target: Target { format: known.view.target_format, ..default() },
+        spacing: 1,
+        overlaps: true,
+        posterizes: visible.view_posterize.is_some() || props().any(|prop| prop.posterize.is_some()),
+        is_lit: in_scene && props().any(|prop| prop.is_lit()),
+        has_fog: in_scene && visible.has_fog,
+        has_motion: in_scene && visible.has_motion,
+        ..default()
+    };
+    let shapes = fields.iter().filter_map(|(id, field)| {
+        let unseen = || field.level(Level::default()).filter(|_| extracted.props.iter().all(|prop| prop.field != id));
+        field.arriving_shape().or_else(|| Some(unseen()?.shape))
+    });
+    let looks: HashSet<_> = props().map(|prop| (in_scene && prop.is_lit(), prop.recolor.is_some())).collect();
+    let overlaps = if visible.props.len() > 1 { &[false, true][..] } else { &[false] };
+    let mut kinds = vec![];
+    for shape in shapes.collect::<HashSet<FieldShape>>() {
+        for (is_lit, may_recolor) in looks.iter().copied() {
+            kinds.extend(overlaps.iter().map(|&overlaps| Kind { shape, overlaps, is_lit, may_recolor }));
+        }
+    }
+    if visible.quality.cell_size > 0.0 || Level::new(0, &visible.quality) != Level::default() {
+        kinds.extend(drawn.iter().map(|PlannedProp { kind, .. }| {
+            let shape = FieldShape { inner_records: !kind.shape.inner_records, ..kind.shape };
+            Kind { shape, ..*kind }
+        }));
+    }
+    (plan, kinds)
+}
