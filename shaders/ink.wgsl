@@ -38,7 +38,7 @@ fn surface_at(labels: texture_2d<u32>, depth: texture_depth_2d, pixel: vec2<i32>
 
 // Returns whether there is a line between two labels of a prop.
 fn is_border(prop: u32, a: u32, b: u32) -> bool {
-    let ink = labelings[prop].ink;
+    let ink = labelings[prop].ink.lines;
     if a == b || a < 2u || b < 2u || (ink & (INK_RAMPS | INK_LABELS | INK_PAIRS)) == 0u {
         return false;
     }
@@ -50,7 +50,7 @@ fn is_border(prop: u32, a: u32, b: u32) -> bool {
         return ramps.x != ramps.y;
     }
     let first = min(ramps.x, RAMPS - 1u);
-    let bits = u32(colors[labelings[prop].ink_pairs + first][(ramps.y & 63u) >> 4u]);
+    let bits = u32(colors[labelings[prop].ink.pairs + first][(ramps.y & 63u) >> 4u]);
     return max(ramps.x, ramps.y) < RAMPS && ((bits >> (ramps.y & 15u)) & 1u) == 1u;
 }
 
@@ -63,7 +63,7 @@ struct Beyond {
 // `opposite` is on the other side of the center.
 fn beyond(center: Surface, is_opaque: bool, there: Surface, opposite: Surface) -> Beyond {
     let prop = center.owner - 1u;
-    let ink = labelings[prop].ink;
+    let ink = labelings[prop].ink.lines;
     let step = there.distance - center.distance;
     if there.owner != center.owner {
         return Beyond(select(0.0, 1.0, (ink & INK_SILHOUETTE) != 0u && (step > 0.0 || !center.has_depth)), 0.0);
@@ -71,7 +71,7 @@ fn beyond(center: Surface, is_opaque: bool, there: Surface, opposite: Surface) -
     // On a slope, depth changes as much on the other side. Where it breaks on both sides, there is noise, or something thin.
     let before = select(0.0, center.distance - opposite.distance, opposite.owner == center.owner && opposite.has_depth);
     // Creases that are hardly deep enough are faint. Where noise decides, lines would be dots.
-    let depth = (step - 2.0 * abs(before)) / labelings[prop].ink_crease;
+    let depth = (step - 2.0 * abs(before)) / labelings[prop].ink.crease;
     // The depth of glass is that of its front or its back, wherever enough of it is.
     let can_crease = (ink & INK_CREASES) != 0u && is_opaque && center.has_depth && there.has_depth;
     let crease = select(0.0, clamp(2.0 * depth - 2.0, 0.0, 1.0), can_crease);
@@ -111,12 +111,12 @@ fn ink_at(
     center: Surface,
     is_opaque: bool,
 ) -> f32 {
-    if center.owner == 0u || labelings[center.owner - 1u].ink == 0u {
+    if center.owner == 0u || labelings[center.owner - 1u].ink.lines == 0u {
         return 0.0;
     }
-    let labeling = labelings[center.owner - 1u];
-    let wanted = labeling.ink_width / max(view.depth.w - center.distance * view.depth.z, 1e-20);
-    let width = clamp(wanted, 1.0, labeling.ink_pixels);
+    let ink = labelings[center.owner - 1u].ink;
+    let wanted = ink.width / max(view.depth.w - center.distance * view.depth.z, 1e-20);
+    let width = clamp(wanted, 1.0, ink.max_pixels);
     let radius = max(width + 1.0, LEAST_RADIUS);
     var has_edge = false;
     var has_border = false;
@@ -141,11 +141,11 @@ fn ink_at(
     let shares = max(sums, vec2(0.0)) / f32(2u * PAIRS);
     let edge = select(0.0, width - radius * distance_of(shares.x) + 0.5, has_edge);
     let border = select(0.0, 0.5 * width - radius * distance_of(shares.y) + 0.5, has_border);
-    return clamp(max(edge, border), 0.0, 1.0) * min(2.0 * wanted, 1.0) * labeling.ink_color.a;
+    return clamp(max(edge, border), 0.0, 1.0) * min(2.0 * wanted, 1.0) * ink.color.a;
 }
 
 // Returns a color of a prop, in linear light, with a line over it that covers a part of the pixel.
 fn inked(prop: u32, tint: vec3<f32>, color: vec3<f32>, part: f32) -> vec3<f32> {
-    let line = labelings[prop].ink_color.rgb * tint + labelings[prop].ink_tone * color;
+    let line = labelings[prop].ink.color.rgb * tint + labelings[prop].ink.tone * color;
     return mix(color, line, part);
 }

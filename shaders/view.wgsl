@@ -81,6 +81,34 @@ struct Filter {
     is_of_tones: u32,
 }
 
+// The lines of a prop.
+struct Ink {
+    // INK_SILHOUETTE, INK_CREASES, and one of the borders of `ink.wgsl`, added up. 0 if there is no ink.
+    lines: u32,
+    // The index in `colors` of the pairs of ramps between which there are lines.
+    pairs: u32,
+    // In linear light, with opacity.
+    color: vec4<f32>,
+    // The share of the label's own light in this color.
+    tone: f32,
+    // In pixels at w = 1 in clip space.
+    width: f32,
+    // The difference of depth at a crease, in world units.
+    crease: f32,
+    // The most that the width may be.
+    max_pixels: f32,
+}
+
+// A prop in the former frame, if it keeps labels.
+struct Earlier {
+    // Transforms a point of the prop from clip space to where it was then, in that of what was drawn then.
+    former_from_clip: mat4x4<f32>,
+    // The size of what was drawn then, in pixels.
+    size: vec2<f32>,
+    // The prop's owner then, or 0 if no label is kept.
+    owner: u32,
+}
+
 // The labels of a prop, and its ink.
 struct Labels {
     // The number of palette colors.
@@ -95,29 +123,12 @@ struct Labels {
     first_place: u32,
     // 1 if borders between labels are smooth, otherwise 0.
     smooth_borders: u32,
-    // INK_SILHOUETTE, INK_CREASES and INK_BORDERS of `ink.wgsl`, added up. 0 if there is no ink.
-    ink: u32,
-    // The index in `colors` of the pairs of ramps between which there are lines.
-    ink_pairs: u32,
-    // In linear light, with opacity.
-    ink_color: vec4<f32>,
-    // The share of the label's own light in the color of the ink.
-    ink_tone: f32,
-    // The width of lines, in pixels at w = 1 in clip space, and the most that it may be, in pixels.
-    ink_width: f32,
-    ink_pixels: f32,
-    // The difference of depth at a crease, in world units.
-    ink_crease: f32,
     // 1 if any shown color is not the source color, otherwise 0.
     recolors: u32,
     // How much nearer another label must be than that of the former frame. See `steady.wgsl`.
     steadiness: f32,
-    // The prop's owner in the former frame, or 0 if no label is kept.
-    former: u32,
-    // The size of what was drawn in the former frame, in pixels.
-    former_size: vec2<f32>,
-    // Transforms a point of the prop from clip space to where it was in the former frame, in that of what was drawn then.
-    former_from_clip: mat4x4<f32>,
+    ink: Ink,
+    earlier: Earlier,
 }
 
 @group(0) @binding(0) var<uniform> view: View;

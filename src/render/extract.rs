@@ -8,7 +8,7 @@ use bevy::{
     core_pipeline::{prepass::MotionVectorPrepass, tonemapping::Tonemapping},
     ecs::entity::EntityHashMap,
     prelude::*,
-    render::{Extract, render_asset::RenderAssets, sync_world::RenderEntity},
+    render::{Extract, render_asset::RenderAssets, render_resource::ShaderType, sync_world::RenderEntity},
 };
 
 use plenoctree::{PlenOctree, palette::Palette};
@@ -115,8 +115,9 @@ impl ExtractedPosterize {
     }
 }
 
-/// The lines of a prop. See `ink.wgsl`.
-#[derive(Clone, Copy, Default)]
+/// The lines of a prop. Matches `Ink` in `view.wgsl`, whose width is in pixels.
+#[cfg_attr(test, derive(Reflect))]
+#[derive(ShaderType, Clone, Copy, Default, PartialEq)]
 pub(super) struct ExtractedInk {
     /// Which edges have lines, as bits.
     pub lines: u32,

@@ -157,18 +157,10 @@ pub(super) struct LabelsUniform {
     softness: f32,
     first_place: u32,
     pub smooth_borders: u32,
-    pub ink: u32,
-    ink_pairs: u32,
-    ink_color: Vec4,
-    ink_tone: f32,
-    ink_width: f32,
-    ink_pixels: f32,
-    ink_crease: f32,
     recolors: u32,
     steadiness: f32,
-    former: u32,
-    former_size: Vec2,
-    former_from_clip: Mat4,
+    pub ink: ExtractedInk,
+    earlier: Earlier,
 }
 
 impl LabelsUniform {
@@ -200,31 +192,20 @@ impl LabelsUniform {
             blend_steps: settings.blend_steps,
             softness: settings.softness,
             smooth_borders: settings.smooths_borders().into(),
-            ink: ink.lines,
-            ink_pairs: ink.pairs,
-            ink_color: ink.color,
-            ink_tone: ink.tone,
-            ink_width: ink.width * pixels,
-            ink_pixels: ink.max_pixels,
-            ink_crease: ink.crease,
+            ink: ExtractedInk { width: ink.width * pixels, ..ink },
             ..of_palette
         }
     }
 
     /// Lets pixels keep the labels of the former frame, unless another one is nearer by more than `steadiness`.
-    pub(super) fn steady(self, steadiness: f32, earlier: &Earlier) -> Self {
-        Self {
-            steadiness,
-            former: earlier.owner,
-            former_size: earlier.size,
-            former_from_clip: earlier.former_from_clip,
-            ..self
-        }
+    pub(super) fn steady(self, steadiness: f32, earlier: Earlier) -> Self {
+        Self { steadiness, earlier, ..self }
     }
 }
 
-/// What shaders know of a prop in the former frame.
-#[derive(Clone, Copy)]
+/// What shaders know of a prop in the former frame. Matches `Earlier` in `view.wgsl`.
+#[cfg_attr(test, derive(Reflect))]
+#[derive(ShaderType, Clone, Copy, Default, PartialEq)]
 pub(super) struct Earlier {
     /// From clip space of what is drawn now to that of what was drawn then.
     pub former_from_clip: Mat4,
@@ -304,5 +285,7 @@ mod tests {
         assert_layout!(ScreenUniform, "view", "Screen");
         assert_layout!(FilterUniform, "view", "Filter");
         assert_layout!(LabelsUniform, "view", "Labels");
+        assert_layout!(ExtractedInk, "view", "Ink");
+        assert_layout!(Earlier, "view", "Earlier");
     }
 }

@@ -20,9 +20,9 @@ pub(crate) use assert_layout;
 pub(crate) fn assert_fields<T: Typed>(offsets: &[u64], shader: &str, name: &str) {
     let TypeInfo::Struct(uniform) = T::type_info() else { panic!("{} is no struct", T::type_path()) };
     let expected: Vec<_> = uniform.field_names().iter().map(|name| name.to_string()).zip(offsets.to_vec()).collect();
-    let begin = shader.find(&format!("struct {name} {{")).expect("the struct of the shader");
-    let end = begin + shader[begin..].find("\n}").expect("its end") + 2;
-    let module = parse(&shader[begin..end]);
+    // It may contain others.
+    let structs = shader.split("\nstruct ").skip(1).filter_map(|text| text.split_once("\n}"));
+    let module = parse(&structs.map(|(members, _)| format!("struct {members}\n}}\n")).collect::<String>());
     let found =
         module.types.iter().find(|(_, found)| found.name.as_deref() == Some(name)).map(|(_, found)| &found.inner);
     let Some(TypeInner::Struct { members, .. }) = found else { panic!("{name} is no struct") };

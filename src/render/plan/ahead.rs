@@ -12,8 +12,8 @@ use crate::{
     render::extract::ExtractedProps,
 };
 
-/// Returns the kinds of props that may be drawn soon, and the plan in which they would be: with fields that are arriving
-/// or that no prop shows yet, and with other levels of those that are `drawn`.
+/// Returns the kinds of props that may be drawn soon, and the plan in which they would be: those of fields that are
+/// arriving or that no prop shows yet, and of other levels of the props that are `drawn`.
 pub(in crate::render) fn look_ahead(
     known: &Known,
     drawn: &[PlannedProp],

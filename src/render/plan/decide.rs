@@ -175,7 +175,7 @@ pub(in crate::render) fn decide(
     let keeps_labels = known.former.is_some_and(|former| now.follow(former, &motion));
     for (seen, labeling) in seen.iter().zip(&mut labelings) {
         if let (Some(posterize), Some(earlier)) = (seen.posterize, now.earlier(seen.prop.entity)) {
-            *labeling = labeling.steady(posterize.settings.steadiness, earlier);
+            *labeling = labeling.steady(posterize.settings.steadiness, *earlier);
         }
     }
     let lit = || seen.iter().zip(&props).filter(|(_, prop)| prop.kind.is_lit).map(|(seen, _)| seen.prop);
@@ -195,7 +195,7 @@ pub(in crate::render) fn decide(
         has_several_props: props.len() > 1,
         smooths: props.iter().any(|prop| prop.smooths != Smooths::Nothing),
         has_smooth_borders: finishes && labelings.iter().any(|labels| labels.smooth_borders > 0),
-        has_ink: finishes && labelings.iter().any(|labels| labels.ink > 0),
+        has_ink: finishes && labelings.iter().any(|labels| labels.ink.lines > 0),
         has_motion: true,
         stages: if has(Feature::Stages) { visible.stages.clone() } else { vec![] },
         has_objects: has(Feature::Objects),
