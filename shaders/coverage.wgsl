@@ -8,8 +8,7 @@
 #import bevy_plenoctree::radiance::{Harmonics, harmonics, radiance}
 #import bevy_plenoctree::scene::scene_depth_at
 #import bevy_plenoctree::view::{
-    FAR_AWAY, LEAST_SOLID_DEPTH, Prop, depth_from_distance, is_in_haze, is_solid, owner_of, props, view,
-    distance_from_depth,
+    FAR_AWAY, Prop, distance_from_depth, is_in_haze, is_solid, owner_of, props, solid_depth_at_distance, view,
 }
 
 // The result of the outline pass.
@@ -146,8 +145,7 @@ fn start(pixel: vec2<i32>, index: u32, prop: Prop) -> f32 {
 // Distances in the pixels of an owner are relative to this depth, so that they are as exact as depths, no matter how
 // large the prop's box is: that of what is solid at the center, or that where the owner's rays begin.
 fn base_depth(solid: f32, owner: u32) -> f32 {
-    let begins = clamp(depth_from_distance(props[max(owner, 1u) - 1u].near), LEAST_SOLID_DEPTH, 1.0);
-    return select(begins, solid, is_solid(solid));
+    return select(solid_depth_at_distance(props[max(owner, 1u) - 1u].near), solid, is_solid(solid));
 }
 
 // Half floats hold this many times the difference of two depths, relative to one of them: digits of float32 are not lost
@@ -156,7 +154,7 @@ const PLACES: f32 = 1024.0;
 
 // Returns the place of a distance along the view axis.
 fn place_of(distance: f32, base: f32) -> f32 {
-    return PLACES * (base / clamp(depth_from_distance(distance), LEAST_SOLID_DEPTH, 1.0) - 1.0);
+    return PLACES * (base / solid_depth_at_distance(distance) - 1.0);
 }
 
 // Returns the distance along the view axis of a place.

@@ -15,7 +15,7 @@
 #ifdef SMOOTH
 #import bevy_plenoctree::edge::{bits_of, parts_of}
 #endif
-#import bevy_plenoctree::space::light_of
+#import bevy_plenoctree::target::light_of
 #import bevy_plenoctree::view::{Screen, View, is_solid, unpack_haze}
 
 @group(1) @binding(0) var<uniform> screen: Screen;

@@ -35,10 +35,6 @@ fn place(index: u32, rows: u32) -> vec3<u32> {
     return vec3(index & ((1u << field.row) - 1u), row & ((1u << rows) - 1u), row >> rows);
 }
 
-fn table_record(entry: vec3<u32>) -> vec4<u32> {
-    return textureLoad(table, entry.zy, entry.x, 0);
-}
-
 #ifdef INNER_RECORDS
 fn child_record(index: u32) -> vec4<u32> {
     let at = place(index, field.record_rows);
@@ -88,13 +84,13 @@ fn make_ray(origin: vec3<f32>, direction: vec3<f32>) -> Ray {
     );
 }
 
-// Returns where a ray enters and exits a box. The entry is no less than `least`.
-fn clip(ray: Ray, low: vec3<f32>, high: vec3<f32>, least: f32) -> vec2<f32> {
+// Returns where a ray enters and exits a box. If it begins inside, it enters at 0.
+fn clip(ray: Ray, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
     let cells = vec3(f32(1u << ray.depth));
     let is_forward = ray.mirror == vec3(0);
     let enter = (select(cells - high, low, is_forward) - ray.origin) * ray.inverse;
     let leave = (select(cells - low, high, is_forward) - ray.origin) * ray.inverse;
-    return vec2(max(max(max(enter.x, enter.y), enter.z), least), min(min(leave.x, leave.y), leave.z));
+    return vec2(max(max(max(enter.x, enter.y), enter.z), 0.0), min(min(leave.x, leave.y), leave.z));
 }
 
 fn begin(ray: Ray, t: f32) -> Walk {
@@ -141,7 +137,7 @@ fn locate(ray: Ray, along: vec3<i32>) -> Cell {
     let position = vec3<u32>(along ^ ray.mirror);
     var shift = ray.table_shift;
     let entry = position >> vec3(shift);
-    var record = table_record(entry);
+    var record = textureLoad(table, entry.zy, entry.x, 0);
 #ifdef INNER_RECORDS
     loop {
         if (record.w & KIND) != INNER {

@@ -8,7 +8,7 @@
 #endif
 #import bevy_plenoctree::octree::{Crossing, Ray, begin, clip, density, field, has_ended, make_ray, next_leaf}
 #ifndef SHADOW_MAP
-#import bevy_plenoctree::scene::scene_distance
+#import bevy_plenoctree::scene::scene_depth_at
 #endif
 #import bevy_plenoctree::view::{Prop, props, solid_depth, view, distance_from_depth}
 
@@ -56,7 +56,7 @@ fn prop_ray(in: Varying) -> PropRay {
 #endif
     var seen = ray_at(props[in.prop], vec2<f32>(pixel) + 0.5);
 #ifndef SHADOW_MAP
-    seen.span.y = min(seen.span.y, (scene_distance(pixel) - props[in.prop].near) * seen.length);
+    seen.span.y = min(seen.span.y, position_at(seen, in.prop, scene_depth_at(pixel, 0u)));
 #endif
 #ifdef BATCHED
     seen.span.y = select(seen.span.x, seen.span.y, is_listed);
@@ -80,7 +80,7 @@ fn ray_at(prop: Prop, at: vec2<f32>) -> PropRay {
     let length = any_length(toward);
     let unit = toward / length;
     let ray = make_ray(prop.origin * point * cells, unit * prop.scale * cells);
-    return PropRay(at, ray, unit, length, clip(ray, prop.low * cells, prop.high * cells, 0.0));
+    return PropRay(at, ray, unit, length, clip(ray, prop.low * cells, prop.high * cells));
 }
 
 // Returns where the ray reaches a depth.

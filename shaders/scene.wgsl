@@ -1,7 +1,7 @@
 // The depth of the scene, as bind group 0 holds it for the passes that read it.
 #define_import_path bevy_plenoctree::scene
 
-#import bevy_plenoctree::view::{depth_from_buffer, view, distance_from_depth}
+#import bevy_plenoctree::view::{depth_from_buffer, view}
 
 #ifdef MULTISAMPLED
 @group(0) @binding(7) var scene_depth: texture_depth_multisampled_2d;
@@ -25,8 +25,3 @@ fn share_before(pixel: vec2<u32>, depth: f32) -> f32 {
     return f32(count) / f32(samples);
 }
 #endif
-
-// Returns the distance of the scene along the view axis at a pixel of the viewport.
-fn scene_distance(pixel: vec2<u32>) -> f32 {
-    return distance_from_depth(scene_depth_at(pixel, 0u));
-}

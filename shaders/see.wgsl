@@ -29,7 +29,7 @@ const SEEN: f32 = 0.5;
 fn see(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) workgroups: vec3<u32>) {
     let rays = views[id.z];
     let ray = make_ray(rays.first + f32(id.x) * rays.right + f32(id.y) * rays.down, rays.direction);
-    let span = clip(ray, vec3(0.0), vec3(f32(1u << field.depth)), 0.0);
+    let span = clip(ray, vec3(0.0), vec3(f32(1u << field.depth)));
     var h = harmonics(rays.unit);
     var color = vec3(0.0);
     var opacity = 0.0;

@@ -1,10 +1,34 @@
-// Conversions between the color space of the view's target and that of props: encoded sRGB, as displays show it at the
-// default exposure.
+// Conversions between the color space in which the view's target holds light and that of props: encoded sRGB, as
+// displays show it at the default exposure.
 #define_import_path bevy_plenoctree::target
 
 #import bevy_plenoctree::color::{decode, encode}
-#import bevy_plenoctree::space::{light_of, stored_of}
 #import bevy_plenoctree::view::screen
+#ifdef OKLAB_TARGET
+#import bevy_render::color_operations::{linear_rgb_to_oklab, oklab_to_linear_rgb}
+#endif
+
+// Returns the linear light of what the target holds.
+fn light_of(stored: vec3<f32>) -> vec3<f32> {
+#ifdef SRGB_TARGET
+    return decode(stored);
+#else ifdef OKLAB_TARGET
+    return oklab_to_linear_rgb(stored);
+#else
+    return stored;
+#endif
+}
+
+// Returns what the target holds for linear light.
+fn stored_of(light: vec3<f32>) -> vec3<f32> {
+#ifdef SRGB_TARGET
+    return encode(light);
+#else ifdef OKLAB_TARGET
+    return linear_rgb_to_oklab(max(light, vec3(0.0)));
+#else
+    return light;
+#endif
+}
 
 fn from_target(stored: vec3<f32>) -> vec3<f32> {
     // Clamp: behind an opaque prop, infinite light times zero would be NaN.

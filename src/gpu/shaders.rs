@@ -74,7 +74,6 @@ impl Shaders {
             "shadow",
             "smooth_light",
             "solid",
-            "space",
             "steady",
             "target",
             "under_objects",
