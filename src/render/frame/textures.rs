@@ -24,25 +24,12 @@ use crate::{gpu::Allocator, render::plan::Plan};
 /// The textures and buffers of a view.
 #[derive(Default)]
 pub(in crate::render) struct Textures {
-    textures: HashMap<Slot, ViewTexture>,
-    buffers: HashMap<Slot, ViewBuffer>,
+    /// With the number of frames since a pass last used each.
+    textures: HashMap<Slot, (TextureView, u32)>,
+    buffers: HashMap<Slot, (Buffer, u32)>,
     /// The size of textures with one texel per pixel.
     size: UVec2,
     pub allocator: Allocator,
-}
-
-struct ViewTexture {
-    size: UVec2,
-    format: TextureFormat,
-    samples: u32,
-    view: TextureView,
-    /// The number of frames since a pass last used it.
-    idle: u32,
-}
-
-struct ViewBuffer {
-    buffer: Buffer,
-    idle: u32,
 }
 
 /// For how many frames textures and buffers stay that no pass uses.
@@ -56,25 +43,25 @@ impl Textures {
     /// memory.
     pub fn provide(&mut self, device: &RenderDevice, passes: &[Pass], plan: &Plan) -> bool {
         self.size = size_in_steps(self.size, plan.rect.size, plan.viewport.physical_size);
-        self.textures.values_mut().for_each(|existing| existing.idle += 1);
-        self.buffers.values_mut().for_each(|existing| existing.idle += 1);
+        self.textures.values_mut().for_each(|(_, idle)| *idle += 1);
+        self.buffers.values_mut().for_each(|(_, idle)| *idle += 1);
         let saved_depth = plan.has_objects.then_some(Slot::SceneDepth);
         let mut used = passes.iter().flat_map(Pass::slots).chain(saved_depth);
         let has_memory = used.all(|slot| self.create(device, slot, plan));
-        self.textures.retain(|_, existing| existing.idle <= IDLE_FRAMES);
-        self.buffers.retain(|_, existing| existing.idle <= IDLE_FRAMES);
+        self.textures.retain(|_, (_, idle)| *idle <= IDLE_FRAMES);
+        self.buffers.retain(|_, (_, idle)| *idle <= IDLE_FRAMES);
         has_memory
     }
 
     /// Returns the bytes of GPU memory that they take.
     #[cfg(all(test, feature = "headless"))]
     pub fn bytes(&self) -> u64 {
-        let of_texture = |existing: &ViewTexture| {
-            let bytes = existing.format.block_copy_size(None).unwrap_or(4);
-            u64::from(existing.size.element_product() * existing.samples * bytes)
-        };
-        self.textures.values().map(of_texture).sum::<u64>()
-            + self.buffers.values().map(|existing| existing.buffer.size()).sum::<u64>()
+        let textures = self.textures.values().map(|(view, _)| {
+            let texture = view.texture();
+            let bytes = texture.format().block_copy_size(None).unwrap_or(4);
+            u64::from(texture.width() * texture.height() * texture.sample_count() * bytes)
+        });
+        textures.chain(self.buffers.values().map(|(buffer, _)| buffer.size())).sum()
     }
 
     /// Drops everything.
@@ -92,11 +79,11 @@ impl Textures {
     }
 
     pub fn get(&self, slot: Slot) -> Option<&TextureView> {
-        self.textures.get(&slot).map(|existing| &existing.view)
+        self.textures.get(&slot).map(|(view, _)| view)
     }
 
     pub fn buffer(&self, slot: Slot) -> Option<&Buffer> {
-        self.buffers.get(&slot).map(|existing| &existing.buffer)
+        self.buffers.get(&slot).map(|(buffer, _)| buffer)
     }
 
     /// Creates what a slot holds, unless it exists or belongs to others. Returns whether there is enough memory.
@@ -128,36 +115,23 @@ impl Textures {
         }
         // The former frame may have had another size.
         let may_differ = is_former && plan.reads_former();
-        if let Some(existing) = self.textures.get_mut(&slot)
-            && (existing.format, existing.samples) == (format, samples)
-            && (existing.size == size || may_differ)
+        if let Some((view, idle)) = self.textures.get_mut(&slot)
+            && (view.texture().format(), view.texture().sample_count()) == (format, samples)
+            && (view.texture().size() == extent(size) || may_differ)
         {
-            existing.idle = 0;
+            *idle = 0;
             return true;
         }
-        let created = self.allocator.create(device, || {
-            let texture = device.create_texture(&TextureDescriptor {
-                label: Some("plenoctree_view"),
-                size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: samples,
-                dimension: TextureDimension::D2,
-                format,
-                usage: TextureUsages::RENDER_ATTACHMENT
-                    | TextureUsages::TEXTURE_BINDING
-                    | if slot == Slot::SceneDepth { TextureUsages::COPY_DST } else { TextureUsages::empty() },
-                view_formats: &[],
-            });
-            let view = texture.create_view(&default());
-            ViewTexture { size, format, samples, view, idle: 0 }
-        });
-        created.map(|existing| self.textures.insert(slot, existing)).is_some()
+        let copied = if slot == Slot::SceneDepth { TextureUsages::COPY_DST } else { TextureUsages::empty() };
+        let label = "plenoctree_view";
+        let create = || create_texture(device, label, size, samples, format, copied);
+        self.allocator.create(device, create).map(|view| self.textures.insert(slot, (view, 0))).is_some()
     }
 
     fn create_buffer(&mut self, device: &RenderDevice, slot: Slot, words: u32) -> bool {
         let size = 4 * u64::from(words);
-        if let Some(existing) = self.buffers.get_mut(&slot).filter(|existing| existing.buffer.size() == size) {
-            existing.idle = 0;
+        if let Some((_, idle)) = self.buffers.get_mut(&slot).filter(|(buffer, _)| buffer.size() == size) {
+            *idle = 0;
             return true;
         }
         let created = self.allocator.create(device, || {
@@ -168,8 +142,34 @@ impl Textures {
                 mapped_at_creation: false,
             })
         });
-        created.map(|buffer| self.buffers.insert(slot, ViewBuffer { buffer, idle: 0 })).is_some()
+        created.map(|buffer| self.buffers.insert(slot, (buffer, 0))).is_some()
     }
+}
+
+/// Creates a texture that passes draw to and read, for a `usage` besides that.
+pub(in crate::render) fn create_texture(
+    device: &RenderDevice,
+    label: &'static str,
+    size: UVec2,
+    samples: u32,
+    format: TextureFormat,
+    usage: TextureUsages,
+) -> TextureView {
+    let texture = device.create_texture(&TextureDescriptor {
+        label: Some(label),
+        size: extent(size),
+        mip_level_count: 1,
+        sample_count: samples,
+        dimension: TextureDimension::D2,
+        format,
+        usage: usage | TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
+        view_formats: &[],
+    });
+    texture.create_view(&default())
+}
+
+fn extent(size: UVec2) -> Extent3d {
+    Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 }
 }
 
 /// Returns the size of textures for `drawn` pixels: that of the `existing` ones, unless they are too small or much

@@ -4,15 +4,15 @@ use bevy::{
     ecs::entity::EntityHashMap,
     prelude::*,
     render::{
-        render_resource::{
-            BindGroup, BindGroupEntries, BindGroupId, BindGroupLayout, Extent3d, TextureDescriptor, TextureDimension,
-            TextureUsages, TextureView,
-        },
+        render_resource::{BindGroup, BindGroupEntries, BindGroupId, BindGroupLayout, TextureUsages, TextureView},
         renderer::RenderDevice,
     },
 };
 
-use crate::render::{frame::TILE_FORMAT, uniforms::PropUniform};
+use crate::render::{
+    frame::{TILE_FORMAT, create_texture},
+    uniforms::PropUniform,
+};
 
 /// Everything that the shadow of a caster depends on, besides where the map is among the light's texels.
 #[derive(PartialEq)]
@@ -37,18 +37,9 @@ pub(super) struct Tile {
 
 impl Tile {
     pub fn new(device: &RenderDevice, layout: &BindGroupLayout, size: UVec2) -> Self {
-        let texture = device.create_texture(&TextureDescriptor {
-            label: Some("plenoctree_shadow_tile"),
-            size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: TextureDimension::D2,
-            format: TILE_FORMAT,
-            usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        });
-        let texture = texture.create_view(&default());
-        let group = device.create_bind_group("plenoctree_shadow_tile", layout, &BindGroupEntries::single(&texture));
+        let label = "plenoctree_shadow_tile";
+        let texture = create_texture(device, label, size, 1, TILE_FORMAT, TextureUsages::empty());
+        let group = device.create_bind_group(label, layout, &BindGroupEntries::single(&texture));
         Self { texture, group, is_filled: false }
     }
 }
