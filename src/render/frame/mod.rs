@@ -20,4 +20,4 @@ pub(super) use run::run;
 pub(super) use slot::{BATCH, RaySet, Slot, batch_side, batches};
 pub(crate) use view::PropView;
 #[cfg(feature = "shadows")]
-pub(super) use {slot::TILE_FORMAT, textures::create_texture, view::Lights};
+pub(super) use {slot::TILE_FORMAT, textures::create_texture};

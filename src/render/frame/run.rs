@@ -154,7 +154,7 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
         })
         .collect::<Option<_>>()?;
     let first = match pass.group {
-        FirstGroup::Lights => lights.as_ref().map(|lights| (lights.group.clone(), &lights.offsets[..])),
+        FirstGroup::Lights => lights.as_ref().map(|(group, offsets)| (group.clone(), &offsets[..])),
         group => {
             let mut resources: Vec<BindingResource> = buffers.bindings(frame.palettes)?;
             if group.samples().is_some() {

@@ -26,17 +26,12 @@ pub(crate) struct PropView {
     pub(in crate::render) buffers: ViewBuffers,
     pub(in crate::render) groups: BindGroups,
     pub(in crate::render) cached: Cache,
-    pub(in crate::render) lights: Option<Lights>,
+    /// Bind group 0 of passes that read Bevy's lights, and its offsets.
+    pub(in crate::render) lights: Option<(BindGroup, Vec<u32>)>,
     #[cfg(feature = "shadows")]
     pub(in crate::render) shades: Shades,
     /// What determines the memory that it needs, when there was too little.
     pub(in crate::render) shortage: Option<(ViewTooLarge, usize)>,
-}
-
-/// Bind group 0 of passes that read Bevy's lights, and its offsets.
-pub(in crate::render) struct Lights {
-    pub group: BindGroup,
-    pub offsets: Vec<u32>,
 }
 
 impl PropView {

@@ -35,7 +35,7 @@ use crate::{
     lighting::PropLighting,
     render::{
         extract::{ExtractedProps, VisibleProps},
-        frame::{Clear, Draw, FirstGroup, InitPipelines, Lights, Pass, Pipelines, Place, Program, PropView, Slot},
+        frame::{Clear, Draw, FirstGroup, InitPipelines, Pass, Pipelines, Place, Program, PropView, Slot},
         plan::{Feature, Plan},
         shades::{ShadedPalette, Shades},
         uniforms::LabelsUniform,
@@ -257,7 +257,7 @@ fn bind_lights(
         ));
         let layout = cache.get_bind_group_layout(pipelines.lights.as_ref()?);
         let group = device.create_bind_group("plenoctree_lights", &layout, &entries);
-        Some(Lights { group, offsets: vec![view.offset, lights.offset, fog.map_or(0, |fog| fog.offset)] })
+        Some((group, vec![view.offset, lights.offset, fog.map_or(0, |fog| fog.offset)]))
     };
     for (mut view, bevy) in &mut views {
         let bevy = bevy.filter(|_| view.plan.is_lit || view.plan.has_fog);
