@@ -16,7 +16,9 @@ pub fn density(opacity: f64) -> f64 {
 
 /// Bakes a field from -1 to 1, with `2^depth` cells per side, whose color depends on the place alone.
 pub fn colored(depth: u32, density: impl Fn(DVec3) -> f64 + Sync, color: impl Fn(DVec3) -> DVec3 + Sync) -> PlenOctree {
-    let settings = BakeSettings { depth, basis: Basis::Rgba, up: UpAxis::Y, min_density: 0.0, ..default() };
+    // Colors are the same in all directions.
+    let settings =
+        BakeSettings { depth, basis: Basis::Rgba, up: UpAxis::Y, min_density: 0.0, directions: 1, ..default() };
     bake(&settings, density, |at| {
         let color = color(at);
         move |_| color
