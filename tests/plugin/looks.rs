@@ -6,11 +6,13 @@ use bevy_plenoctree::{
     Posterize, Ramp,
 };
 use glam::DVec3;
+use half::f16;
 use image::RgbaImage;
+use plenoctree::Basis;
 
 use super::stage::{
     Stage,
-    fields::{colored, shape},
+    fields::{Shell, colored, field, shape},
     pixels::{at, color, differing, is_near, linear, places},
 };
 
@@ -31,15 +33,13 @@ fn of_tones(tones: &[[f64; 3]]) -> Palette {
 
 impl Look {
     /// A shell of cells of this depth, with the colors of tones.
-    fn of<const N: usize>(
-        tones: [[f64; 3]; N],
-        depth: u32,
-        thinnest: f64,
-        color: impl Fn(DVec3) -> DVec3 + Sync,
-    ) -> Self {
+    fn of<const N: usize>(tones: [[f64; 3]; N], depth: u32, thinnest: f64, color: impl Fn(DVec3) -> DVec3) -> Self {
         let mut stage = Stage::new(SIZE);
-        let inside = |at: DVec3| if (thinnest..0.7).contains(&at.length()) { 1e4 } else { 0.0 };
-        stage.spawn_prop(&colored(depth, inside, color), ());
+        // Baking would visit all cells of the box.
+        let [inner, outer] = [thinnest, 0.7].map(|radius| radius * f64::from(1u32 << (depth - 1)));
+        let Shell { nodes, leaves } = Shell::new(depth, 0.5 * (inner + outer), outer - inner);
+        let colors = leaves.iter().flat_map(|at| color(*at).to_array().map(f16::from_f64)).collect();
+        stage.spawn_prop(&field(Basis::Rgba, nodes, vec![1e4; leaves.len()], colors), ());
         stage.paint(FieldPalette::new(of_tones(&tones)));
         stage.set_background(SKY);
         stage.set(Transform::from_xyz(0.3, 0.5, 2.4).looking_at(Vec3::ZERO, Vec3::Y));
