@@ -18,6 +18,7 @@ use bevy::{
     camera::Hdr,
     core_pipeline::prepass::{DepthPrepass, MotionVectorPrepass},
     ecs::{schedule::IntoScheduleConfigs, system::ScheduleSystem},
+    light::{DirectionalLightShadowMap, PointLightShadowMap},
     prelude::*,
 };
 use bevy_plenoctree::{
@@ -31,8 +32,10 @@ use super::stage::{
     sides::{BLUE, GREEN, PIXELS, RED, SOLID, cube, density, flat},
 };
 
-/// Lights of every kind, with shadows.
+/// Lights of every kind, with shadows. Their maps are small, because Bevy clears them in every frame.
 fn spawn_lights(world: &mut World) {
+    world.insert_resource(DirectionalLightShadowMap { size: 256 });
+    world.insert_resource(PointLightShadowMap { size: 256 });
     let at = Transform::from_xyz(1.0, 2.0, 3.0).looking_at(Vec3::ZERO, Vec3::Y);
     world.spawn((DirectionalLight { shadow_maps_enabled: true, ..default() }, at));
     world.spawn((PointLight { shadow_maps_enabled: true, ..default() }, at));
@@ -94,6 +97,8 @@ fn draw<M>(name: &str, setup: impl IntoScheduleConfigs<ScheduleSystem, M>) {
     })
     .unwrap();
     let target = headless.target();
+    let mut extraction = headless.app.world_mut().resource_mut::<PaletteExtraction>();
+    extraction.settings.sampling.sample_fraction = 0.1;
     headless.app.add_observer(move |camera: On<Add, Camera>, mut commands: Commands| {
         commands.entity(camera.entity).insert(target.clone());
     });
