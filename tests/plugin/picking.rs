@@ -1,6 +1,6 @@
 //! Tests ray casts and pointers: what they hit, where, and in which region.
 
-use std::sync::Mutex;
+use std::sync::{LazyLock, Mutex};
 
 use bevy::{
     camera::visibility::RenderLayers,
@@ -28,16 +28,25 @@ const RADIUS: f64 = 0.8;
 /// The width of the balls' cells.
 const CELL: f64 = 2.0 / 64.0;
 
-/// Returns a ball, baked once for each density and axis.
+/// A ball whose density is 1 inside.
+static BALL: LazyLock<PlenOctree> = LazyLock::new(|| {
+    let settings =
+        BakeSettings { depth: 6, basis: Basis::Rgba, density_samples: 4, directions: 1, ..Default::default() };
+    let radiance = |at: DVec3| move |_: DVec3| 0.5 + 0.4 * (4.0 * at).map(f64::sin);
+    bake(&settings, |at| if at.length() < RADIUS { 1.0 } else { 0.0 }, radiance).unwrap()
+});
+
+/// Returns a ball, made once for each density and axis.
 fn ball(density: f64, up: UpAxis) -> PlenOctree {
     static BALLS: Mutex<Vec<(f64, UpAxis, PlenOctree)>> = Mutex::new(vec![]);
     let mut balls = BALLS.lock().unwrap();
     if let Some((.., ball)) = balls.iter().find(|ball| (ball.0, ball.1) == (density, up)) {
         return ball.clone();
     }
-    let settings = BakeSettings { depth: 6, basis: Basis::Rgba, up, density_samples: 4, ..Default::default() };
-    let radiance = |at: DVec3| move |_: DVec3| 0.5 + 0.4 * (4.0 * at).map(f64::sin);
-    let ball = bake(&settings, |at| if at.length() < RADIUS { density } else { 0.0 }, radiance).unwrap();
+    let (nodes, coefficients) = (BALL.nodes().to_vec(), BALL.coefficients().to_vec());
+    let densities = BALL.densities().iter().map(|share| (density * f64::from(*share)) as f32).collect();
+    let ball = PlenOctree::new(BALL.frame(), BALL.basis(), BALL.activation(), up, nodes, densities, coefficients);
+    let ball = ball.unwrap();
     balls.push((density, up, ball.clone()));
     ball
 }
