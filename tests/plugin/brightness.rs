@@ -1,6 +1,6 @@
 //! Tests the light that lights add to props, on a ball and on a wall, against the light of white meshes in float64.
 
-use std::f64::consts::PI;
+use std::{f64::consts::PI, sync::LazyLock};
 
 use bevy::{
     camera::{Exposure, ScalingMode, visibility::RenderLayers},
@@ -8,7 +8,8 @@ use bevy::{
     prelude::*,
 };
 use bevy_plenoctree::{
-    BorderSmoothing, EdgeSmoothing, FieldPalette, PlenOctree, Posterize, PropLighting, PropTint, headless::exact_camera,
+    BorderSmoothing, EdgeSmoothing, FieldPalette, PaletteExtraction, PlenOctree, Posterize, PropLighting, PropTint,
+    headless::exact_camera,
 };
 use glam::{DVec2, DVec3};
 use image::RgbaImage;
@@ -34,9 +35,7 @@ fn shape(distance: impl Fn(DVec3) -> f64 + Sync) -> PlenOctree {
     colored(7, |at| 400.0 * (0.5 - 32.0 * distance(at)).clamp(0.0, 1.0), |_| DVec3::splat(GRAY))
 }
 
-fn ball() -> PlenOctree {
-    shape(|at| at.length() - RADIUS)
-}
+static BALL: LazyLock<PlenOctree> = LazyLock::new(|| shape(|at| at.length() - RADIUS));
 
 fn wall() -> PlenOctree {
     shape(|at| (at.z - WALL).max(at.x.abs() - 0.9).max(at.y.abs() - 0.9).max(-0.2 - at.z))
@@ -107,7 +106,7 @@ fn factor(frame: &RgbaImage, x: u32, y: u32) -> f64 {
 /// As trained, the light of a ball follows the angle at which the sun's light falls on it.
 #[test]
 fn what_faces_the_sun_gets_brighter() {
-    let mut scene = scene(&ball());
+    let mut scene = scene(&BALL);
     let unlit = scene.capture();
     let lighting = PropLighting { shadows: 0.5, ..default() };
     let sun = spawn_sun(&mut scene, TOWARD, illuminance(2.0), false);
@@ -147,7 +146,7 @@ fn what_faces_the_sun_gets_brighter() {
 #[test]
 fn bands_of_a_ball_end_where_the_light_says() {
     let (gray, bright) = (DVec3::splat(GRAY), DVec3::splat(0.52));
-    let mut scene = scene(&ball());
+    let mut scene = scene(&BALL);
     // The third color is nearer to twice the light, but has another hue.
     posterize(&mut scene, &[gray, bright, DVec3::new(0.6, 0.5, 0.5)]);
     spawn_sun(&mut scene, TOWARD, illuminance(2.0), false);
@@ -304,7 +303,7 @@ fn lights_add_up_within_their_range() {
 /// A light from behind a ball lights its outline if there is a rim, and nothing else.
 #[test]
 fn rims_light_outlines() {
-    let mut scene = scene(&ball());
+    let mut scene = scene(&BALL);
     let unlit = scene.capture();
     spawn_sun(&mut scene, DVec3::new(1.0, 0.0, -1.0), illuminance(4.0), false);
     let lighting = PropLighting { brightness: 1.0, ..default() };
@@ -331,6 +330,7 @@ fn cartoons_have_no_ends_of_shadows() {
     stage.set((exact_camera(Color::WHITE), Transform::from_xyz(0.0, 0.5, 3.0).looking_at(Vec3::ZERO, Vec3::Y)));
     spawn_sun(&mut stage, DVec3::new(3.0, 5.0, 2.0), 8000.0, true);
     let toon = PropLighting::toon(2.0);
+    stage.world().resource_mut::<PaletteExtraction>().settings.sampling.sample_fraction = 0.1;
     stage.dress((Posterize::toon(), toon));
     stage.wait();
     let spots = |stage: &mut Stage, self_shadow_distance: f32| {
@@ -352,6 +352,7 @@ fn lamps_bring_back_what_night_takes() {
     let night = PropTint(Color::linear_rgb(0.25, 0.25, 0.3));
     for name in ["robot", "toadstool", "drum"] {
         let mut scene = scene(&included(name));
+        scene.world().resource_mut::<PaletteExtraction>().settings.sampling.sample_fraction = 0.1;
         scene.dress(Posterize::toon());
         scene.wait();
         let mean = |scene: &mut Stage| scene.capture().pixels().map(linear).sum::<Vec3>().element_sum();
