@@ -7,6 +7,7 @@ use std::{
     collections::{BTreeMap, BTreeSet},
     fs,
     path::{Path, PathBuf},
+    sync::LazyLock,
 };
 
 use common::{ball, fail, folder, succeed, text};
@@ -30,6 +31,12 @@ fn report(field: &Path, out: &str, more: &[&str]) -> PathBuf {
     assert!(printed.contains("report.html"), "{printed}");
     out
 }
+
+/// The report of the ball.
+static BALL: LazyLock<PathBuf> = LazyLock::new(|| report(&ball(&folder("evidence_ball")), "out", &[]));
+
+/// The report of the rainbow.
+static RAINBOW: LazyLock<PathBuf> = LazyLock::new(|| report(&rainbow(&folder("evidence_rainbow")), "out", &[]));
 
 /// Writes a single camera and returns the file.
 fn cameras(folder: &Path) -> PathBuf {
@@ -69,8 +76,7 @@ fn load(field: &Path) -> PlenOctree {
 /// Every file that the pages name exists, and the pages show all figures of the paper that compare something.
 #[test]
 fn the_pages_show_what_exists() {
-    let field = ball(&folder("evidence_pages"));
-    let out = report(&field, "out", &[]);
+    let out = &*BALL;
     let html = fs::read_to_string(out.join("report.html")).unwrap();
     let markdown = fs::read_to_string(out.join("report.md")).unwrap();
     let in_html =
@@ -97,12 +103,11 @@ fn the_pages_show_what_exists() {
 /// Below every posterized picture, also below every part of one, stand its figures, and files list all of them.
 #[test]
 fn every_figure_below_a_picture_is_listed() {
-    let field = rainbow(&folder("evidence_notes"));
-    let out = report(&field, "out", &[]);
+    let out = &*RAINBOW;
     let mut listed = BTreeSet::new();
     for file in fs::read_dir(out.join("csv")).unwrap() {
         let name = file.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned();
-        for row in rows(&out, &name) {
+        for row in rows(out, &name) {
             for part in ["", "part_"] {
                 let columns =
                     ["psnr_db", "rmse", "hue_errors_percent"].map(|column| row.get(&format!("{part}{column}")));
@@ -134,9 +139,8 @@ fn every_figure_below_a_picture_is_listed() {
 /// The figures of the part where the hull fails are those of its view, and its error falls.
 #[test]
 fn parts_are_of_the_view_whose_error_falls_most() {
-    let field = rainbow(&folder("evidence_parts"));
-    let out = report(&field, "out", &[]);
-    let listed = rows(&out, "figure_11");
+    let out = &*RAINBOW;
+    let listed = rows(out, "figure_11");
     let pairs: Vec<_> = listed.chunks(2).collect();
     let falls = |pair: &[BTreeMap<String, String>], column: &str| number(&pair[0], column) - number(&pair[1], column);
     let most = pairs.iter().max_by(|a, b| falls(a, "rmse").total_cmp(&falls(b, "rmse"))).unwrap();
@@ -202,11 +206,9 @@ fn figures_agree_with_the_library() {
 /// Means, worst differences and spikes are those of the listed frames.
 #[test]
 fn summaries_agree_with_the_frames() {
-    let field = ball(&folder("evidence_frames"));
-    let out = report(&field, "out", &[]);
-    let frames = rows(&out, "figure_07_frames");
+    let frames = rows(&BALL, "figure_07_frames");
     assert_eq!(frames.len(), 3);
-    let summary = rows(&out, "figure_07");
+    let summary = rows(&BALL, "figure_07");
     let columns = ["plain", "hull", "hull_recolored", "fitted", "fitted_recolored", "per_frame", "per_frame_recolored"];
     assert_eq!(summary.len(), columns.len());
     for (column, row) in columns.iter().zip(&summary) {
@@ -224,13 +226,12 @@ fn summaries_agree_with_the_frames() {
 /// Only times differ between two runs.
 #[test]
 fn reports_are_the_same_every_time() {
-    let field = ball(&folder("evidence_twice"));
-    let [first, second] = ["first", "second"].map(|out| report(&field, out, &[]));
+    let (first, second) = (&*BALL, report(&BALL.with_file_name("ball.npz"), "again", &[]));
     for folder in ["csv", "palettes", "pictures", "plots"] {
         for entry in fs::read_dir(first.join(folder)).unwrap() {
             let name = entry.unwrap().file_name();
             if name != "table_1.csv" {
-                let [a, b] = [&first, &second].map(|out| fs::read(out.join(folder).join(&name)).unwrap());
+                let [a, b] = [first, &second].map(|out| fs::read(out.join(folder).join(&name)).unwrap());
                 assert!(a == b, "{folder}/{name:?}");
             }
         }
