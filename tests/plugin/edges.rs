@@ -12,7 +12,7 @@ use glam::DVec3;
 use image::RgbaImage;
 use plenoctree::{
     palette::{ExtractionSettings, PaletteMethod, extract},
-    sampling::Progress,
+    sampling::{Progress, SamplingSettings},
 };
 
 use super::stage::{
@@ -77,7 +77,8 @@ impl Scene {
     /// Spawns one of the included props.
     fn spawn_included(&mut self, name: &str) {
         let field = included(name);
-        let fitted = ExtractionSettings { method: PaletteMethod::Fitted, ..default() };
+        let sampling = SamplingSettings { sample_fraction: 0.1, ..default() };
+        let fitted = ExtractionSettings { method: PaletteMethod::Fitted, sampling, ..default() };
         let extraction = extract(&field, &fitted, &Progress::default()).unwrap();
         self.spawn_posterized(&field, extraction.palette, default());
     }
