@@ -171,8 +171,9 @@ fn bytes_come_close_to_half_floats() {
         DVec3::Z,
     );
     let truth = reference::render(&field, &camera).over(DVec3::ONE);
+    let mut stage = stage(SIZE, &field);
     for (precision, least) in [(Precision::Half, 55.0), (Precision::Byte, 45.0)] {
-        let mut stage = stage(SIZE, &field.clone().with_precision(precision));
+        stage.show(&field.clone().with_precision(precision));
         let psnr = psnr(&capture(&mut stage, &camera, PropQuality::EXACT), &truth);
         assert!(psnr >= least, "{precision:?}: {psnr:.1} dB");
     }
@@ -189,10 +190,11 @@ fn dropping_faint_leaves_has_a_bounded_error() {
         move |_: DVec3| color
     };
     let [haze, fog] = [bake(&settings, haze, tint).unwrap(), bake(&settings, fog, tint).unwrap()];
+    let mut stage = stage(SIZE, &haze);
     for (field, loss, least) in [(&haze, 0.03, 30.5), (&fog, 0.03, 40.0)] {
         let camera = PinholeCamera::around(field, SIZE, SIZE, 0.5, 0.4).unwrap();
         let truth = reference::render(field, &camera).over(DVec3::ONE);
-        let mut stage = stage(SIZE, field);
+        stage.show(field);
         let all = capture(&mut stage, &camera, PropQuality::EXACT);
         let fewer = capture(&mut stage, &camera, PropQuality { opacity_loss: loss, ..PropQuality::EXACT });
         let psnr = psnr(&fewer, &truth);
