@@ -82,12 +82,14 @@ fn every_basis_matches_the_reference() {
 /// The codebooks of a packed field are on the GPU too, where a leaf takes 10 bytes.
 #[test]
 fn packed_fields_match_the_reference() {
+    let mut scene: Option<Stage> = None;
     for basis in [Basis::Sh1, Basis::Sh9, Basis::Sh25] {
         let settings = PackSettings { rows: 300, ..default() };
         let packed = Packed::new(&ball(basis), &settings, &Progress::default()).unwrap();
         let field = packed.field();
         let expected = reference::render(field, &pinhole()).over(DVec3::ONE);
-        let mut scene = self::scene(field);
+        let scene = scene.get_or_insert_with(|| self::scene(field));
+        scene.show(field);
         let difference = difference(&scene.capture(), &expected);
         assert!(difference < 0.4, "{basis:?}: {difference}");
         let codebook = field.codebook().unwrap();
