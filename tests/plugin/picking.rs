@@ -325,18 +325,18 @@ fn labels_of_rays_match_the_frame() {
     let source = [[0.8, 0.2, 0.3], [0.2, 0.7, 0.4], [0.3, 0.3, 0.9], [0.9, 0.9, 0.7]];
     // No two labels are shown in the same color.
     let shown = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.1], [0.0, 0.2, 1.0], [0.9, 0.8, 0.0]].map(DVec3::from);
+    let mut scene = Scene::new();
+    let colors = source.map(|[r, g, b]: [f32; 3]| Color::srgb(r, g, b));
+    let mut palette = FieldPalette::from_colors(colors).unwrap();
+    for (index, color) in shown.iter().enumerate() {
+        palette.set(index, self::color(*color));
+    }
+    let field = scene.field.clone();
+    scene.world().resource_mut::<Palettes>().insert(&field, palette);
+    let prop = scene.spawn_watched(0.0, ());
     for (filtered, least) in [(false, 0.995), (true, 0.8)] {
-        let mut scene = Scene::new();
-        let colors = source.map(|[r, g, b]: [f32; 3]| Color::srgb(r, g, b));
-        let mut palette = FieldPalette::from_colors(colors).unwrap();
-        for (index, color) in shown.iter().enumerate() {
-            palette.set(index, self::color(*color));
-        }
-        let field = scene.field.clone();
-        scene.world().resource_mut::<Palettes>().insert(&field, palette);
         let filter = if filtered { default() } else { BilateralFilter { iterations: 0, ..default() } };
-        let prop = scene
-            .spawn_watched(0.0, Posterize { softness: 0.0, filter, edges: EdgeSmoothing::Off, ..Posterize::paper() });
+        scene.insert(prop, Posterize { softness: 0.0, filter, edges: EdgeSmoothing::Off, ..Posterize::paper() });
         scene.wait();
         let frame = scene.capture();
 
