@@ -1,4 +1,4 @@
-//! The buffers of a view: the uniforms of bind group 0, and what lights need.
+//! The buffers of a view: the uniforms of bind group 0, and what lights and fog need.
 
 use bevy::{
     prelude::*,
@@ -25,6 +25,8 @@ pub(in crate::render) struct ViewBuffers {
     pub lit: WrittenBuffer,
     /// The color that each label shows in each band of light.
     pub shades: WrittenBuffer,
+    /// Bevy's fog of a camera without any.
+    pub no_fog: WrittenBuffer,
 }
 
 /// The palettes of all props and posterized views.
@@ -39,6 +41,7 @@ impl ViewBuffers {
         self.screen.set(device, queue, "plenoctree_screen", BufferUsages::UNIFORM, &values.screen);
         self.filters.set(device, queue, "plenoctree_filters", storage, &values.filters);
         self.labelings.set(device, queue, "plenoctree_labels", storage, &values.labelings);
+        self.no_fog.set(device, queue, "plenoctree_no_fog", BufferUsages::UNIFORM, &[Vec4::ZERO; 5]);
     }
 
     /// Writes the first result that must be drawn. The GPU changes it, so it is written in every frame.

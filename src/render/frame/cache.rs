@@ -160,8 +160,8 @@ impl Cache {
 /// Returns a number that is different whenever anything changes that the passes of a result read, besides the scene.
 fn key(result: CachedResult, passes: &[Pass], textures: &Textures, buffers: &ViewBuffers, plan: &Plan) -> u64 {
     let mut hasher = FixedHasher.build_hasher();
-    // The first result to draw follows from all keys.
-    let ViewBuffers { view, props, screen, filters, labelings, lit, shades, first_drawn: _ } = buffers;
+    // The first result to draw follows from all keys, and no cached pass reads fog.
+    let ViewBuffers { view, props, screen, filters, labelings, lit, shades, first_drawn: _, no_fog: _ } = buffers;
     let labels = || (labelings.hash, plan.values.palettes);
     match result {
         CachedResult::Layer => (view.hash, props.hash, plan.recolors.then(labels)).hash(&mut hasher),

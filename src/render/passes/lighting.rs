@@ -237,7 +237,7 @@ fn bind_lights(
     (images, luts, fallback): (Res<RenderAssets<GpuImage>>, Option<Res<TonemappingLuts>>, Res<FallbackImage>),
     mut views: Query<(&mut PropView, Option<BevyLights<'static>>)>,
 ) {
-    let lights = |any: &WrittenBuffer, (maps, clusters, view, lights, fog, tonemapping): BevyLights| {
+    let lights = |no_fog: &WrittenBuffer, (maps, clusters, view, lights, fog, tonemapping): BevyLights| {
         let tonemapping = tonemapping.unwrap_or(&Tonemapping::None);
         let (texture, sampler) = get_lut_bindings(&images, luts.as_ref()?, tonemapping, &fallback);
         let entries = BindGroupEntries::with_indices((
@@ -251,8 +251,7 @@ fn bind_lights(
             (9, clusters.clusterable_object_index_lists_binding()?),
             (10, clusters.offsets_and_counts_binding()?),
             (11, globals.buffer.binding()?),
-            // Nothing reads the fog of a camera without any.
-            (13, fog.and(fogs.as_ref()?.gpu_fogs.binding()).or(any.binding())?),
+            (13, fog.and(fogs.as_ref()?.gpu_fogs.binding()).or(no_fog.binding())?),
             (TONEMAPPING_LUT_TEXTURE_BINDING_INDEX, texture),
             (TONEMAPPING_LUT_SAMPLER_BINDING_INDEX, sampler),
         ));
@@ -262,7 +261,7 @@ fn bind_lights(
     };
     for (mut view, bevy) in &mut views {
         let bevy = bevy.filter(|_| view.plan.is_lit || view.plan.has_fog);
-        view.lights = bevy.and_then(|bevy| lights(&view.buffers.view, bevy));
+        view.lights = bevy.and_then(|bevy| lights(&view.buffers.no_fog, bevy));
     }
 }
 
