@@ -13,7 +13,7 @@
 #endif
 #import bevy_plenoctree::shade::shade_of_owner
 #import bevy_plenoctree::target::from_target
-#import bevy_plenoctree::view::{is_drawn, is_solid, labelings, props, view}
+#import bevy_plenoctree::view::{haze_prop, is_drawn, is_solid, labelings, props, view}
 
 // The results of the label pass.
 @group(1) @binding(0) var shown: texture_2d<f32>;
@@ -36,21 +36,33 @@
 struct Behind {
     // In linear light, with opacity.
     shown: vec4<f32>,
-    // The same without haze, which is in front of nothing else: what shows through an owner.
+    // The same without the haze of the owners, which is not behind them: what shows through an owner.
     bare: vec4<f32>,
     // Before it is posterized, in encoded sRGB.
     composite: vec3<f32>,
 }
 
-fn behind_at(pixel: vec2<u32>) -> Behind {
+// Returns the scene at a pixel, in encoded sRGB.
+fn scene_at(pixel: vec2<u32>) -> vec3<f32> {
+    return from_target(textureLoad(scene, pixel + view.corner, 0).rgb);
+}
+
+// Returns whether all that a pixel sees of props is haze of one of two owners.
+fn is_haze_of(owners: vec2<u32>, pixel: vec2<u32>) -> bool {
+    let found = textureLoad(depth, pixel, 0);
+    return found > 0.0 && !is_solid(found) && any(owners == vec2(haze_prop(found, view.props) + 1u));
+}
+
+// `beside` are the owners of the pixel behind which this one is seen.
+fn behind_at(pixel: vec2<u32>, beside: vec2<u32>) -> Behind {
     let value = unpack(textureLoad(filtered, pixel, 0));
     let seen = textureLoad(shown, pixel, 0);
     // Where nothing is drawn, the composite is the scene.
     let alpha = max(seen.a, 0.0);
     let shown = vec4(decode(select(value.color, seen.rgb, seen.a >= 0.0)), alpha);
     var behind = Behind(shown, shown, value.color);
-    if value.owner == 0u {
-        behind.bare = vec4(decode(from_target(textureLoad(scene, pixel + view.corner, 0).rgb)), 0.0);
+    if is_haze_of(beside, pixel) {
+        behind.bare = vec4(decode(scene_at(pixel)), 0.0);
     }
     let owners = textureLoad(outline, pixel, 0).xy;
     let thinned = textureLoad(own_rays, pixel, 0);
@@ -95,7 +107,7 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>, ink: vec2<f32>) -> Around {
     for (var i = 0; i < 8; i++) {
         let at = vec2<u32>(neighbor(vec2<i32>(pixel), i));
         if is_drawn(at) {
-            let there = behind_at(at);
+            let there = behind_at(at, owners);
             let own = unpack(textureLoad(filtered, at, 0)).owner;
             if own == 0u || all(vec2(own) != owners) {
                 // A neighbor that the edge of a mesh crosses counts less.
@@ -140,7 +152,7 @@ fn scene_behind(pixel: vec2<u32>, mixed: vec3<f32>) -> vec4<f32> {
             let hidden = bits_of(textureLoad(outline, at, 0).xy, textureLoad(coverage, at, 0)).a;
             let is_clear = hidden == 0u && unpack(textureLoad(filtered, at, 0)).owner > 0u;
             let share = select(select(0.5, 0.0, is_clear), share_before(at, solid), has_depth);
-            let color = vec4(decode(from_target(textureLoad(scene, at + view.corner, 0).rgb)), 1.0);
+            let color = vec4(decode(scene_at(at)), 1.0);
             behind += select(vec4(0.0), color, share == 0.0);
             mesh += select(vec4(0.0), color, share == 1.0);
         }
@@ -223,7 +235,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     if is_sure && parts.is_center && parts.rest == count {
         discard;
     }
-    let center = behind_at(pixel);
+    let center = behind_at(pixel, owners);
     let ink = vec2(ink_of(pixel, owners.x), ink_of(pixel, owners.y));
     let around = around(pixel, owners, ink);
     let own = textureLoad(own_rays, pixel, 0);
@@ -237,7 +249,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         if around.is_known {
             behind = around.behind;
         } else if is_slit {
-            let color = from_target(textureLoad(scene, pixel + view.corner, 0).rgb);
+            let color = scene_at(pixel);
             let bare = vec4(decode(color), 0.0);
             behind = Behind(bare, bare, color);
         }
@@ -275,7 +287,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
 #ifdef RESOLVED
     if bits.a != 0u {
         // The target mixes a mesh before the props with what is behind them, which they replace.
-        let mixed = decode(from_target(textureLoad(scene, pixel + view.corner, 0).rgb));
+        let mixed = decode(scene_at(pixel));
         let beyond = scene_behind(pixel, mixed);
         let covered = f32(parts.own + parts.other) / f32(count);
         let replaced = own_parts / f32(count) + vec4(max(mixed - covered * beyond.rgb, vec3(0.0)), 0.0);

@@ -117,7 +117,7 @@ fn bordered(
             support[k] += weights[k] * is_there;
         }
     }
-    let steadiness = select(0.0, labelings[prop].steadiness, labelings[prop].earlier.owner > 0u);
+    let steadiness = select(0.0, labelings[prop].steadiness, labelings[prop].former.owner > 0u);
     var places: array<vec3<f32>, 5>;
     var ramps: array<u32, 5>;
     for (var c = 0u; c < 5u; c++) {

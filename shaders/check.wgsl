@@ -5,7 +5,7 @@
     AGREES, EMPTY, MOST_GAPS, batches, quotient, gaps_across, pack_gap, ray_around,
 }
 #import bevy_plenoctree::scene::scene_depth_at
-#import bevy_plenoctree::view::{is_solid, view}
+#import bevy_plenoctree::view::{is_solid, unpack_owner, view}
 
 @group(1) @binding(0) var layer: texture_2d<f32>;
 @group(1) @binding(1) var owner: texture_2d<f32>;
@@ -33,11 +33,11 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
     // The least and the greatest depths of solid rays.
     var solid_depths = vec2(1.0, 0.0);
     var differ = false;
-    let first = textureLoad(owner, gap, 0).rg;
+    let first = unpack_owner(textureLoad(owner, gap, 0));
     let rays = select(4u, 0u, is_empty);
     for (var i = 0u; i < rays; i++) {
         let at = ray_around(gap, i);
-        differ = differ || any(textureLoad(owner, at, 0).rg != first);
+        differ = differ || unpack_owner(textureLoad(owner, at, 0)) != first;
         let solid = textureLoad(depth, at, 0);
         if is_solid(solid) {
             solid_depths = vec2(min(solid_depths.x, solid), max(solid_depths.y, solid));

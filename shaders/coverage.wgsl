@@ -115,8 +115,9 @@ fn thinned(center: vec4<f32>, rays: vec4<f32>) -> vec4<f32> {
 const LEAD: f32 = 4.0;
 
 // Returns where rays through a pixel begin: a little in front of the solid part of the prop there and around it.
-// Whatever is in front of that is haze, which says nothing about coverage. Where there is nothing but haze, rays begin at
-// the box, and where the prop is all around, as at slits: there it may be glass, through which its other parts are seen.
+// Whatever is in front of that is haze, which says nothing about coverage. Rays begin at the box in two cases: where all
+// of the prop around is haze, and where the prop is all around, as at slits, because it may be glass, through which its
+// other parts are seen.
 fn start(pixel: vec2<i32>, index: u32, prop: Prop) -> f32 {
     var nearest = FAR_AWAY;
     var farthest = -FAR_AWAY;

@@ -2,7 +2,7 @@
 #define_import_path bevy_plenoctree::edge_owners
 
 #import bevy_plenoctree::edge::neighbor
-#import bevy_plenoctree::view::{SMOOTHS_NOTHING, SMOOTHS_SLITS, is_drawn, is_solid, owner_of, props, screen}
+#import bevy_plenoctree::view::{SMOOTHS_NOTHING, SMOOTHS_SLITS, is_drawn, is_solid, owner_of, props, screen, unpack_owner}
 
 fn smooths(owner: u32) -> bool {
     return owner > 0u && props[max(owner, 1u) - 1u].smooths > SMOOTHS_NOTHING;
@@ -36,10 +36,11 @@ fn owners_at(
 ) -> vec2<u32> {
     let texel = textureLoad(owner, pixel, 0);
     let own = owner_of(texel);
+    let owned = unpack_owner(texel);
     var differs = false;
     for (var i = 0; i < 8; i++) {
         let at = neighbor(pixel, i);
-        differs = differs || (is_drawn(vec2<u32>(at)) && any(textureLoad(owner, at, 0).rg != texel.rg));
+        differs = differs || (is_drawn(vec2<u32>(at)) && unpack_owner(textureLoad(owner, at, 0)) != owned);
     }
     var ends = false;
     var other = 0u;

@@ -27,6 +27,7 @@ struct Fragment {
     @location(1) owner: vec4<f32>,
     @builtin(frag_depth) depth: f32,
 #ifdef MOTION
+    // Views with a grid of rays have owners.
     @location(2) motion: vec4<f32>,
 #endif
 }

@@ -20,13 +20,13 @@ struct Former {
 // `at` is the place of the point, in pixels.
 fn former_labels(labels: texture_2d<u32>, depths: texture_depth_2d, prop: u32, at: vec2<f32>, depth: f32) -> Former {
     var found = Former();
-    if labelings[prop].earlier.owner == 0u || !is_solid(depth) {
+    if labelings[prop].former.owner == 0u || !is_solid(depth) {
         return found;
     }
     let now = vec4((2.0 * at / vec2<f32>(view.size) - 1.0) * vec2(1.0, -1.0), depth, 1.0);
-    let clip = labelings[prop].earlier.former_from_clip * now;
+    let clip = labelings[prop].former.from_clip * now;
     let before = clip.xyz / clip.w;
-    let size = labelings[prop].earlier.size;
+    let size = labelings[prop].former.size;
     let place = (0.5 + 0.5 * before.xy * vec2(1.0, -1.0)) * size - 0.5;
     if clip.w <= 0.0 || any(place < vec2(0.0)) || any(place >= size - 1.0) {
         return found;
@@ -39,7 +39,7 @@ fn former_labels(labels: texture_2d<u32>, depths: texture_depth_2d, prop: u32, a
         let solid = textureLoad(depths, pixel, 0);
         let distance = distance_from_depth(solid);
         let is_same = is_solid(solid) && abs(distance_from_depth(before.z) - distance) < SAME * distance;
-        found.labels[i] = select(0u, texel.x, is_same && texel.y == labelings[prop].earlier.owner);
+        found.labels[i] = select(0u, texel.x, is_same && texel.y == labelings[prop].former.owner);
         let along = max(1.0 - abs(place - there), vec2(0.0));
         found.weights[i] = along.x * along.y;
     }

@@ -100,9 +100,9 @@ struct Ink {
 }
 
 // A prop in the former frame, if it keeps labels.
-struct Earlier {
+struct FormerPlace {
     // Transforms a point of the prop from clip space to where it was then, in that of what was drawn then.
-    former_from_clip: mat4x4<f32>,
+    from_clip: mat4x4<f32>,
     // The size of what was drawn then, in pixels.
     size: vec2<f32>,
     // The prop's owner then, or 0 if no label is kept.
@@ -128,7 +128,7 @@ struct Labels {
     // How much nearer another label must be than that of the former frame. See `steady.wgsl`.
     steadiness: f32,
     ink: Ink,
-    earlier: Earlier,
+    former: FormerPlace,
 }
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -191,29 +191,29 @@ fn pack_owner(owner: u32) -> vec2<f32> {
     return vec2(f32(owner & 2047u), f32(owner >> 11u));
 }
 
-// Returns what `pack_owner` packed.
+// Marks the owner of a posterized pixel whose opacity is less than OPAQUE, as in haze and glass.
+const IN_HAZE: u32 = 0x20000u;
+
+// Returns what `pack_owner` packed, without the mark of haze.
 fn unpack_owner(texel: vec4<f32>) -> u32 {
-    return u32(texel.r) + (u32(texel.g) << 11u);
+    return (u32(texel.r) + (u32(texel.g) << 11u)) & ~IN_HAZE;
+}
+
+// Returns whether the owner of a pixel is marked as haze.
+fn is_in_haze(texel: vec4<f32>) -> bool {
+    return ((u32(texel.g) << 11u) & IN_HAZE) != 0u;
 }
 
 // Marks the owner of a pixel that is drawn as trained, which matters only for the lights that fall on it.
 const AS_TRAINED: u32 = 0x10000u;
-
-// Marks the owner of a pixel that shows what is behind it, too, as haze and glass do.
-const IN_HAZE: u32 = 0x20000u;
 
 // The opacity from which posterized pixels are opaque. Matches `posterize.rs` of the reference.
 const OPAQUE: f32 = 0.9;
 
 // Returns the owner of a posterized pixel, or 0.
 fn owner_of(texel: vec4<f32>) -> u32 {
-    let owner = unpack_owner(texel) & ~IN_HAZE;
+    let owner = unpack_owner(texel);
     return select(owner, 0u, owner >= AS_TRAINED);
-}
-
-// Returns whether the owner of a pixel shows what is behind it.
-fn is_in_haze(texel: vec4<f32>) -> bool {
-    return (unpack_owner(texel) & IN_HAZE) != 0u;
 }
 
 // Returns the owner of a pixel, posterized or as trained, or 0.

@@ -149,7 +149,7 @@ fn fragment(in: Varying) -> Fragment {
 #else
     let owner = posterized;
 #endif
-    let haze_mark = select(0u, IN_HAZE, owner > 0u && opacity < OPAQUE);
+    let haze_mark = select(0u, IN_HAZE, posterized > 0u && opacity < OPAQUE);
     return Fragment(
         to_half(vec4(color, opacity)),
 #ifdef OWNERS

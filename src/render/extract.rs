@@ -115,7 +115,7 @@ impl ExtractedPosterize {
     }
 }
 
-/// The lines of a prop. Matches `Ink` in `view.wgsl`, whose width is in pixels.
+/// The lines of a prop. Matches `Ink` in `view.wgsl`.
 #[cfg_attr(test, derive(Reflect))]
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
 pub(super) struct ExtractedInk {
@@ -127,8 +127,9 @@ pub(super) struct ExtractedInk {
     pub color: Vec4,
     /// The share of the label's own light.
     pub tone: f32,
-    /// The width and the difference of depth at a crease, in world units.
+    /// In world units, and in the uniform in pixels at w = 1 in clip space.
     pub width: f32,
+    /// The difference of depth at a crease, in world units.
     pub crease: f32,
     pub max_pixels: f32,
 }

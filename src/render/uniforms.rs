@@ -160,7 +160,7 @@ pub(super) struct LabelsUniform {
     recolors: u32,
     steadiness: f32,
     pub ink: ExtractedInk,
-    earlier: Earlier,
+    former: FormerPlace,
 }
 
 impl LabelsUniform {
@@ -198,17 +198,17 @@ impl LabelsUniform {
     }
 
     /// Lets pixels keep the labels of the former frame, unless another one is nearer by more than `steadiness`.
-    pub(super) fn steady(self, steadiness: f32, earlier: Earlier) -> Self {
-        Self { steadiness, earlier, ..self }
+    pub(super) fn steady(self, steadiness: f32, former: FormerPlace) -> Self {
+        Self { steadiness, former, ..self }
     }
 }
 
-/// What shaders know of a prop in the former frame. Matches `Earlier` in `view.wgsl`.
+/// What shaders know of a prop in the former frame. Matches `FormerPlace` in `view.wgsl`.
 #[cfg_attr(test, derive(Reflect))]
 #[derive(ShaderType, Clone, Copy, Default, PartialEq)]
-pub(super) struct Earlier {
+pub(super) struct FormerPlace {
     /// From clip space of what is drawn now to that of what was drawn then.
-    pub former_from_clip: Mat4,
+    pub from_clip: Mat4,
     /// The size of what was drawn then, in pixels.
     pub size: Vec2,
     /// 1 + the index of the prop then.
@@ -286,6 +286,6 @@ mod tests {
         assert_layout!(FilterUniform, "view", "Filter");
         assert_layout!(LabelsUniform, "view", "Labels");
         assert_layout!(ExtractedInk, "view", "Ink");
-        assert_layout!(Earlier, "view", "Earlier");
+        assert_layout!(FormerPlace, "view", "FormerPlace");
     }
 }

@@ -27,6 +27,7 @@ pub(in crate::render) fn look_ahead(
         samples: known.samples,
         target: Target { format: known.view.target_format, ..default() },
         spacing: 1,
+        // Programs of props that overlap no other bind nothing of this.
         overlaps: true,
         posterizes: visible.view_posterize.is_some() || props().any(|prop| prop.posterize.is_some()),
         is_lit: in_scene && props().any(|prop| prop.is_lit()),

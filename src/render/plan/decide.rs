@@ -174,8 +174,8 @@ pub(in crate::render) fn decide(
     let mut now = Former::new(&motion, rect, steady);
     let keeps_labels = known.former.is_some_and(|former| now.follow(former, &motion));
     for (seen, labeling) in seen.iter().zip(&mut labelings) {
-        if let (Some(posterize), Some(earlier)) = (seen.posterize, now.earlier(seen.prop.entity)) {
-            *labeling = labeling.steady(posterize.settings.steadiness, *earlier);
+        if let (Some(posterize), Some(former)) = (seen.posterize, now.former(seen.prop.entity)) {
+            *labeling = labeling.steady(posterize.settings.steadiness, *former);
         }
     }
     let lit = || seen.iter().zip(&props).filter(|(_, prop)| prop.kind.is_lit).map(|(seen, _)| seen.prop);

@@ -46,12 +46,12 @@ impl Motion {
 
     /// Returns the matrix from clip space to where a point of the prop was in the previous frame.
     pub fn previous_from_clip(&self, prop: &ExtractedProp) -> DMat4 {
-        self.earlier_from_clip(self.previous_clip_from_world, &prop.previous, &prop.pose.world_from_prop)
+        self.former_from_clip(self.previous_clip_from_world, &prop.previous, &prop.pose.world_from_prop)
     }
 
     /// Returns the matrix from clip space to where a point of a prop was in an earlier frame, with another projection,
     /// when the prop was at `before`.
-    pub fn earlier_from_clip(&self, clip_from_world: DMat4, before: &GlobalTransform, now: &GlobalTransform) -> DMat4 {
+    pub fn former_from_clip(&self, clip_from_world: DMat4, before: &GlobalTransform, now: &GlobalTransform) -> DMat4 {
         let matrix = |transform: &GlobalTransform| DMat4::from(transform.affine().as_daffine3());
         clip_from_world * matrix(before) * matrix(now).inverse() * self.world_from_clip
     }

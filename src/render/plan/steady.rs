@@ -4,7 +4,7 @@ use bevy::{ecs::entity::EntityHashMap, prelude::*, render::render_resource::Bind
 use glam::DMat4;
 
 use super::motion::Motion;
-use crate::render::uniforms::{Earlier, Rect};
+use crate::render::uniforms::{FormerPlace, Rect};
 
 /// A view at rest shows what a single frame shows, after this many frames: things that physics moves rest between two
 /// steps of it.
@@ -31,12 +31,12 @@ pub(super) struct FormerProp {
     /// For how many frames neither it nor the camera has moved.
     rested: u32,
     /// Where it was in the frame whose labels it keeps, if it keeps any.
-    earlier: Option<Earlier>,
+    former: Option<FormerPlace>,
 }
 
 impl FormerProp {
     pub fn new(owner: u32, place: GlobalTransform, field: BindGroupId, labels: u64) -> Self {
-        Self { owner, place, field, labels, rested: RESTING_FRAMES, earlier: None }
+        Self { owner, place, field, labels, rested: RESTING_FRAMES, former: None }
     }
 }
 
@@ -58,16 +58,16 @@ impl Former {
         for (entity, now) in &mut self.props {
             let Some(before) = same(entity, now) else { continue };
             now.rested = if turns || before.place != now.place { 0 } else { before.rested.saturating_add(1) };
-            now.earlier = if now.rested >= RESTING_FRAMES {
+            now.former = if now.rested >= RESTING_FRAMES {
                 None
             } else if moves {
-                let former_from_clip = former.rect.clip_from_viewport()
-                    * motion.earlier_from_clip(former.clip_from_world, &before.place, &now.place)
+                let from_clip = former.rect.clip_from_viewport()
+                    * motion.former_from_clip(former.clip_from_world, &before.place, &now.place)
                     * self.rect.viewport_from_clip();
-                let former_from_clip = former_from_clip.as_mat4();
-                Some(Earlier { former_from_clip, size: former.rect.size.as_vec2(), owner: before.owner })
+                let from_clip = from_clip.as_mat4();
+                Some(FormerPlace { from_clip, size: former.rect.size.as_vec2(), owner: before.owner })
             } else {
-                before.earlier
+                before.former
             };
         }
         moves && self.keeps_labels()
@@ -75,11 +75,11 @@ impl Former {
 
     /// Returns whether any prop keeps labels.
     pub(super) fn keeps_labels(&self) -> bool {
-        self.props.values().any(|now| now.earlier.is_some())
+        self.props.values().any(|now| now.former.is_some())
     }
 
     /// Returns where a prop was in the frame whose labels it keeps.
-    pub(super) fn earlier(&self, prop: Entity) -> Option<&Earlier> {
-        self.props.get(&prop)?.earlier.as_ref()
+    pub(super) fn former(&self, prop: Entity) -> Option<&FormerPlace> {
+        self.props.get(&prop)?.former.as_ref()
     }
 }

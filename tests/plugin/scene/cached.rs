@@ -272,8 +272,6 @@ const CHANGES_OF_LABELS: &[&str] = &[
     "ink between other pairs",
     "no ink",
     "softness",
-    "a palette",
-    "a palette of tones",
     "an override",
 ];
 
