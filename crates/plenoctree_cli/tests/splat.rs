@@ -205,7 +205,10 @@ fn refined_fields_are_no_worse_from_any_distance() {
         let psnr = |part: &str| report[part][distance]["white"].as_f64().unwrap();
         assert!(psnr("refined") >= psnr("voxelized") - 0.1, "{report}");
     }
+    let mean = |groups: &Value| groups.as_array().unwrap().iter().map(|psnr| psnr.as_f64().unwrap()).sum::<f64>() / 3.0;
     let rounds = report["refined"]["rounds"].as_array().unwrap();
+    let gain = mean(&rounds[0]["group_psnr_db"]) - mean(&report["refined"]["before_psnr_db"]);
+    assert!((gain - rounds[0]["gain_db"].as_f64().unwrap()).abs() < 1e-9, "{report}");
     let kept = report["refined"]["kept"].as_u64().unwrap();
     assert!(kept <= rounds.len() as u64, "{report}");
     assert_eq!(warnings.contains("the field is as voxelized"), kept == 0, "{warnings}{report}");

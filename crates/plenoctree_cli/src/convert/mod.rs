@@ -32,8 +32,6 @@ use crate::{
 
 /// The least PSNR where views of the whole show something, in decibels, that a field has without a warning.
 const LEAST_PSNR: f64 = 16.0;
-/// The most that a refined field may lose at any distance, in the mean PSNR over white, in decibels.
-const MOST_LOSS: f64 = 0.1;
 
 /// Converts the capture, extracts the palette, and writes both with views and a report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -115,9 +113,10 @@ pub fn run(arguments: &Arguments) -> Result {
                 time: arguments.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
                 seed: arguments.seed,
             };
-            let (Refined { field: better, rounds, kept }, before) = interruption.watched(move |progress| {
-                refine(&field, shots, &held_out, &settings, progress).map(|refined| (refined, field))
-            })?;
+            let (Refined { field: better, before_psnr_db, rounds, kept }, before) =
+                interruption.watched(move |progress| {
+                    refine(&field, shots, &held_out, &settings, progress).map(|refined| (refined, field))
+                })?;
             refining = start.elapsed();
             let start = Instant::now();
             let after = standard.measure(&better);
@@ -131,7 +130,7 @@ pub fn run(arguments: &Arguments) -> Result {
             console::say!(
                 "gained over white: {whole:+.2} dB, from halfway {between:+.2} dB, from nearby {near:+.2} dB"
             );
-            let is_worse = kept == 0 || gains[first..].iter().any(|gain| *gain < -MOST_LOSS);
+            let is_worse = kept == 0 || gains[first..].iter().any(|gain| *gain < -RefineSettings::MOST_LOSS);
             if is_worse {
                 field = before;
                 console::complain!(
@@ -142,6 +141,7 @@ pub fn run(arguments: &Arguments) -> Result {
                 (field, measured) = (better, after);
             }
             let mut report = measured.json(&field);
+            report["before_psnr_db"] = before_psnr_db.into();
             report["rounds"] = serde_json::to_value(&rounds)?;
             report["kept"] = if is_worse { 0 } else { kept }.into();
             refined = Some(report);

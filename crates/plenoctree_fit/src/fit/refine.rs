@@ -18,8 +18,6 @@ use super::{
 
 /// The least that a round must be expected to gain, in decibels.
 const LEAST_GAIN: f64 = 0.02;
-/// The most that rounds may lose in any group of measured shots, compared to the field before refining, in decibels.
-const MOST_LOSS: f64 = 0.1;
 /// The most by which the mean squared errors of groups of shots count as different, in decibels.
 const MOST_APART: f64 = 20.0;
 /// The largest leaves, in finest cells a side.
@@ -66,6 +64,11 @@ pub struct RefineSettings {
     pub seed: u64,
 }
 
+impl RefineSettings {
+    /// The most that a group of measured shots may lose, compared to the field before refining, in decibels.
+    pub const MOST_LOSS: f64 = 0.1;
+}
+
 impl Default for RefineSettings {
     fn default() -> Self {
         Self { effort: 1.0, time: None, seed: 0 }
@@ -77,10 +80,20 @@ impl Default for RefineSettings {
 pub struct Refined {
     /// The field, with the frame, the up axis and the precision of the original.
     pub field: PlenOctree,
+    /// Mean PSNR of each group of shots that are measured, before refining, in decibels.
+    pub before_psnr_db: Vec<f64>,
     /// What was done, round by round.
     pub rounds: Vec<RoundReport>,
     /// The number of rounds that the field has gone through. Those after them are undone; if it is 0, all are.
     pub kept: usize,
+}
+
+/// A grid that was refined.
+pub(super) struct RefinedGrid {
+    pub grid: Grid,
+    before_psnr_db: Vec<f64>,
+    rounds: Vec<RoundReport>,
+    kept: usize,
 }
 
 /// Refines `field` until it looks like the shots, on all cores of the current rayon pool.
@@ -116,13 +129,15 @@ pub fn refine(
     let grid = Grid::of_field_or_error(field, LARGEST)?;
     let shots = balanced(&grid, shots);
     let rounds = Stage::refining(grid.resolution(), settings.effort, settings.time);
-    let (grid, rounds, kept) = refine_by(grid, &mut gallery(shots), measured, &rounds, settings.seed, progress)?;
+    let RefinedGrid { grid, before_psnr_db, rounds, kept } =
+        refine_by(grid, &mut gallery(shots), measured, &rounds, settings.seed, progress)?;
     // Merging would change even a grid that is as it was.
     if kept == 0 {
-        return Ok(Refined { field: field.clone(), rounds, kept });
+        return Ok(Refined { field: field.clone(), before_psnr_db, rounds, kept });
     }
     let refined = to_merged_field(&grid, field.leaves())?;
-    Ok(Refined { field: refined.with_up(field.up()).with_precision(field.precision()), rounds, kept })
+    let refined = refined.with_up(field.up()).with_precision(field.precision());
+    Ok(Refined { field: refined, before_psnr_db, rounds, kept })
 }
 
 /// Returns the shots of all groups, with [`weights`] by the PSNR of the grid.
@@ -164,8 +179,7 @@ pub(super) fn gallery(shots: Vec<Shot>) -> Gallery {
     Gallery::held(shots.into_iter().enumerate().map(number).collect())
 }
 
-/// Refines a grid by as many of the stages as pay, like [`refine`], and returns what was done, and the number of stages
-/// that are kept. Without shots to measure, all are.
+/// Refines a grid by as many of the stages as pay, like [`refine`]. Without shots to measure, all are kept.
 pub(super) fn refine_by(
     grid: Grid,
     gallery: &mut Gallery,
@@ -173,7 +187,7 @@ pub(super) fn refine_by(
     stages: &[Stage],
     seed: u64,
     progress: &FitProgress,
-) -> Result<(Grid, Vec<RoundReport>, usize), FitError> {
+) -> Result<RefinedGrid, FitError> {
     let measured: Vec<Vec<TrainView>> = measured.iter().map(|shots| views(shots)).collect();
     let measure = |model: &Model| -> Vec<f64> {
         measured.iter().filter_map(|views| quick_psnr(&model.grid, &model.backdrop, views)).collect()
@@ -181,8 +195,8 @@ pub(super) fn refine_by(
     let gains = vec![Vec3::ONE; gallery.len()];
     let mut model = Model { grid, backdrop: Backdrop::Random, gains };
     let mut random = Random::new(seed);
-    let first = measure(&model);
-    let mut psnr = mean(&first);
+    let before_psnr_db = measure(&model);
+    let mut psnr = mean(&before_psnr_db);
     // What is kept: the number of rounds, the mean and the values.
     let (mut kept, mut most) = (0, psnr);
     let mut best = if psnr.is_some() { model.grid.values.clone() } else { Vec::new() };
@@ -202,7 +216,8 @@ pub(super) fn refine_by(
         let groups = measure(&model);
         let after = mean(&groups);
         let gain_db = psnr.zip(after).map(|(before, after)| after - before);
-        let loses = groups.iter().zip(&first).any(|(after, before)| *after < before - MOST_LOSS);
+        let mut pairs = groups.iter().zip(&before_psnr_db);
+        let loses = pairs.any(|(after, before)| *after < before - RefineSettings::MOST_LOSS);
         let stage = StageReport::new(&model, &position, after);
         rounds.push(RoundReport { stage, gain_db, group_psnr_db: groups });
         if after.is_none() {
@@ -222,7 +237,7 @@ pub(super) fn refine_by(
         model.grid.values = best;
         model.grid.copy_thickness();
     }
-    Ok((model.grid, rounds, kept))
+    Ok(RefinedGrid { grid: model.grid, before_psnr_db, rounds, kept })
 }
 
 /// Returns the mean, if there are values.

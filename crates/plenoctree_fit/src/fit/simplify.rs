@@ -78,7 +78,7 @@ pub fn simplify(
     let stage = Stage::simplifying(grid.resolution(), settings.effort, direction, color);
     let limits = Limits { spacing: 0.7, ..Limits::FAINTEST };
     let mut gallery = gallery(shots);
-    let (grid, ..) = refine_by(grid, &mut gallery, &[], &[stage], settings.seed, progress)?;
+    let grid = refine_by(grid, &mut gallery, &[], &[stage], settings.seed, progress)?.grid;
     let simple = to_field(&grid, &visibility::visible(&grid, &gallery.cameras(), limits))?;
     Ok(simple.with_up(field.up()).with_precision(field.precision()).with_histograms_of(field))
 }
