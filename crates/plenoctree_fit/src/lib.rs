@@ -39,6 +39,8 @@
 #![warn(missing_docs)]
 
 #[cfg(any(feature = "fit", feature = "splat"))]
+mod cells;
+#[cfg(any(feature = "fit", feature = "splat"))]
 mod exponential;
 #[cfg(any(feature = "fit", feature = "splat"))]
 mod finest;

@@ -13,7 +13,7 @@ use super::{
     progress::FitProgress,
     report::{RoundReport, StageReport},
     to_field::to_merged_field,
-    train::{Model, Position, Stage, TrainView, backdrop::Backdrop, gallery::Gallery, train},
+    train::{Model, Position, Stage, TrainView, backdrop::Backdrop, gallery::Gallery, train, visibility::seen},
 };
 
 /// The least that a round must be expected to gain, in decibels.
@@ -103,7 +103,8 @@ pub(super) struct RefinedGrid {
 /// refining. (A mean square below a hundredth of the largest group's counts as that hundredth.)
 ///
 /// Leaves change density and color, and those that become empty are removed. Leaves of more than four finest cells a
-/// side are split, and eight of a cube that agree are merged, so that there are about as many as before. `measured` are
+/// side are split, and in the end, leaves are merged where that changes the shots least, so that there are no more than
+/// before (but every cube of 32 finest cells a side keeps one). `measured` are
 /// groups of shots that the field is not refined to: up to 16 of each group tell what each of ten rounds gained in the
 /// mean of the groups. Refining ends when a round loses something, when the next one would gain less than 0.02 dB if
 /// gains keep falling as they did, or when `progress` is stopped. The result is the field after the best round. Rounds
@@ -127,15 +128,16 @@ pub fn refine(
         return Err(FitError::Views { found: count.to_string(), expected: "at least two shots" });
     }
     let grid = Grid::of_field_or_error(field, LARGEST)?;
-    let shots = balanced(&grid, shots);
+    let training = views(&balanced(&grid, shots));
     let rounds = Stage::refining(grid.resolution(), settings.effort, settings.time);
+    let mut gallery = Gallery::held(training.clone());
     let RefinedGrid { grid, before_psnr_db, rounds, kept } =
-        refine_by(grid, &mut gallery(shots), measured, &rounds, settings.seed, progress)?;
+        refine_by(grid, &mut gallery, measured, &rounds, settings.seed, progress)?;
     // Merging would change even a grid that is as it was.
     if kept == 0 {
         return Ok(Refined { field: field.clone(), before_psnr_db, rounds, kept });
     }
-    let refined = to_merged_field(&grid, field.leaves())?;
+    let refined = to_merged_field(&grid, &seen(&grid, &training), field.leaves())?;
     let refined = refined.with_up(field.up()).with_precision(field.precision());
     Ok(Refined { field: refined, before_psnr_db, rounds, kept })
 }
@@ -168,15 +170,9 @@ fn weights(psnrs: &[f64], pixels: &[f64]) -> Vec<f32> {
     inverses.iter().zip(pixels).map(weight).collect()
 }
 
-/// Returns the views of the shots.
-fn views(shots: &[Shot]) -> Vec<TrainView> {
-    shots.iter().map(|shot| shot.view.clone()).collect()
-}
-
-/// Returns a gallery of the shots.
-pub(super) fn gallery(shots: Vec<Shot>) -> Gallery {
-    let number = |(number, shot): (usize, Shot)| TrainView { number, ..shot.view };
-    Gallery::held(shots.into_iter().enumerate().map(number).collect())
+/// Returns the views of the shots, numbered in their order.
+pub(super) fn views(shots: &[Shot]) -> Vec<TrainView> {
+    shots.iter().enumerate().map(|(number, shot)| TrainView { number, ..shot.view.clone() }).collect()
 }
 
 /// Refines a grid by as many of the stages as pay, like [`refine`]. Without shots to measure, all are kept.
@@ -342,7 +338,7 @@ mod tests {
         let (basis, up) = (Basis::Sh4, plenoctree::UpAxis::Z);
         let field = PlenOctree::new(frame, basis, Activation::Sigmoid, up, nodes, densities, coefficients).unwrap();
         let grid = Grid::of_field(&field, LARGEST).unwrap();
-        let again = to_merged_field(&grid, field.leaves()).unwrap();
+        let again = to_merged_field(&grid, &vec![1e-6; grid.len()], field.leaves()).unwrap();
         assert_eq!(again.nodes(), field.nodes());
         assert_eq!(again.coefficients(), field.coefficients());
         for (a, b) in again.densities().iter().zip(field.densities()) {

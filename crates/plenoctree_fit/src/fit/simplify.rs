@@ -11,11 +11,12 @@ use super::{
     error::FitError,
     grid::{Grid, Voxel},
     progress::FitProgress,
-    refine::{Shot, gallery, refine_by},
+    refine::{Shot, refine_by, views},
     to_field::to_field,
     train::{
         Stage,
         batch::render_ray,
+        gallery::Gallery,
         visibility::{self, Limits},
     },
 };
@@ -71,13 +72,13 @@ pub fn simplify(
     let grid = Grid::of_field_or_error(field, Voxel::LARGEST)?;
     let cells = f64::from(grid.resolution());
     let size = (PIXELS_PER_CELL * cells).min(MOST_PIXELS);
-    let shots = cameras(field, size as u32).par_iter().map(|camera| photograph(&grid, camera)).collect();
+    let shots: Vec<Shot> = cameras(field, size as u32).par_iter().map(|camera| photograph(&grid, camera)).collect();
     // A voxel's errors count once for each pixel that it covers.
     let pixels = (size / cells).powi(2) as f32;
     let (direction, color) = (settings.smoothness * pixels, settings.evenness * pixels);
     let stage = Stage::simplifying(grid.resolution(), settings.effort, direction, color);
     let limits = Limits { spacing: 0.7, ..Limits::FAINTEST };
-    let mut gallery = gallery(shots);
+    let mut gallery = Gallery::held(views(&shots));
     let grid = refine_by(grid, &mut gallery, &[], &[stage], settings.seed, progress)?.grid;
     let simple = to_field(&grid, &visibility::visible(&grid, &gallery.cameras(), limits))?;
     Ok(simple.with_up(field.up()).with_precision(field.precision()).with_histograms_of(field))

@@ -2,19 +2,28 @@
 
 use std::borrow::Cow;
 
-use glam::{IVec3, Vec4};
+use glam::{IVec3, Vec3, Vec4};
 use half::f16;
 use plenoctree::{Activation, Basis, Frame, PlenOctree, UpAxis};
+use rayon::prelude::*;
 
 use super::{
     error::FitError,
-    grid::{Grid, Voxel, VoxelSet},
+    grid::{Grid, NO_VOXEL, Voxel, VoxelSet},
     stand::TurnedBox,
 };
-use crate::finest::{least_density, morton, tree_of};
+use crate::{
+    cells::{BLOCK, Cells, Tree, price},
+    exponential::sigmoid,
+    finest::{least_density, morton, tree_of},
+};
 
-/// The difference of encoded colors and opacities up to which leaves are merged.
-const TOLERANCE: f64 = 0.004;
+/// The smallest squared error, as a share of the pixels of pictures, for which a leaf is kept.
+const LEAST_PRICE: f32 = 1e-11;
+/// Levels of merged leaves above the finest cells.
+const LEVELS: [u8; 2] = [0, BLOCK as u8];
+/// Margin from 0 and 1 within which colors of merged leaves are kept, where the inverse of the sigmoid is steep.
+const MARGIN: f32 = 1e-3;
 
 /// Makes a field of the voxels in `kept`.
 ///
@@ -25,23 +34,46 @@ pub fn to_field(grid: &Grid, kept: &VoxelSet) -> Result<PlenOctree, FitError> {
     field_of(grid, &leaves_of(grid, kept.voxels())?)
 }
 
-/// Makes a field of all voxels. Cubes of eight leaves that agree are merged, within the smallest tolerance that leaves
-/// at most this many, if any does.
+/// Makes a field of all voxels, of which those are merged whose merging changes pictures least. It has at most `most`
+/// leaves, or fewer if more would hardly show, but every block of cells keeps one. `seen` says how visible each voxel
+/// is: see [`seen`](super::train::visibility::seen).
 ///
 /// # Errors
 ///
 /// Returns an error if no voxel is left.
-pub fn to_merged_field(grid: &Grid, most: usize) -> Result<PlenOctree, FitError> {
+pub fn to_merged_field(grid: &Grid, seen: &[f32], most: usize) -> Result<PlenOctree, FitError> {
     let leaves = leaves_of(grid, grid.voxels())?;
-    let mut tolerance = TOLERANCE;
-    loop {
-        let merged = merged(&leaves, grid.cell_size(), tolerance);
-        // Differences are at most 1.
-        if merged.len() <= most || tolerance > 1.0 {
-            return field_of(grid, &merged);
-        }
-        tolerance *= 2.0;
+    let mut cells = Cells::default();
+    let mut radiance = Vec::new();
+    for leaf in &leaves {
+        radiance.clear();
+        append_radiance(&leaf.values, &mut radiance);
+        let thickness = leaf.density * leaf.width(grid);
+        cells.push(leaf.code, leaf.level as u8, thickness as f32, seen[leaf.voxel as usize], &radiance);
     }
+    let trees: Vec<Tree> = cells.blocks(|_| true).par_iter().map(Tree::new).collect();
+    let price = price(&trees, most, LEVELS).max(LEAST_PRICE);
+    let chosen = Cells::joined(trees.par_iter().map(|tree| tree.cells(&tree.cut(price, LEVELS))).collect());
+    let mut same = leaves.iter().peekable();
+    let mut merged = Vec::with_capacity(chosen.len());
+    for (cell, (&code, &level)) in chosen.codes.iter().zip(&chosen.levels).enumerate() {
+        let leaf = std::iter::from_fn(|| same.next_if(|leaf| leaf.code <= code)).last();
+        merged.push(match leaf {
+            Some(leaf) if leaf.code == code && leaf.level == u32::from(level) => leaf.clone(),
+            _ => {
+                let mut leaf = Leaf {
+                    code,
+                    level: level.into(),
+                    voxel: NO_VOXEL,
+                    density: 0.0,
+                    values: values_of(chosen.color(cell)),
+                };
+                leaf.density = f64::from(chosen.thickness[cell]) / leaf.width(grid);
+                leaf
+            }
+        });
+    }
+    field_of(grid, &merged)
 }
 
 /// A leaf of the field.
@@ -51,9 +83,18 @@ struct Leaf<'a> {
     code: u64,
     /// Binary logarithm of its width in cells.
     level: u32,
+    /// The voxel that it is, or [`NO_VOXEL`] if it is merged.
+    voxel: u32,
     density: f64,
     /// Its coefficients, as in the grid.
     values: Cow<'a, [Vec4]>,
+}
+
+impl Leaf<'_> {
+    /// Returns its width, in world units.
+    fn width(&self, grid: &Grid) -> f64 {
+        grid.cell_size() * f64::from(1u32 << self.level)
+    }
 }
 
 /// Returns the leaves of these voxels in order.
@@ -64,7 +105,7 @@ fn leaves_of(grid: &Grid, voxels: impl Iterator<Item = Voxel>) -> Result<Vec<Lea
     let leaf = |Voxel { corner, size }| {
         let voxel = grid.voxel(corner.as_ivec3())?;
         let values = Cow::Borrowed(&grid.values[voxel as usize * functions..][..functions]);
-        let leaf = Leaf { code: morton(corner), level: size.ilog2(), density: density(grid, voxel), values };
+        let leaf = Leaf { code: morton(corner), level: size.ilog2(), voxel, density: density(grid, voxel), values };
         (leaf.density >= least).then_some(leaf)
     };
     let mut leaves: Vec<Leaf> = voxels.filter_map(leaf).collect();
@@ -88,48 +129,24 @@ fn field_of(grid: &Grid, leaves: &[Leaf]) -> Result<PlenOctree, FitError> {
     Ok(PlenOctree::new(frame, basis, Activation::Sigmoid, UpAxis::Z, nodes, densities, coefficients)?)
 }
 
-/// Merges cubes of eight leaves, and those of what they become, whose pictures differ by at most `tolerance`. `width`
-/// is that of a cell.
-fn merged<'a>(leaves: &[Leaf<'a>], width: f64, tolerance: f64) -> Vec<Leaf<'a>> {
-    let mut all: Vec<Leaf> = Vec::with_capacity(leaves.len());
-    for leaf in leaves {
-        all.push(leaf.clone());
-        while let Some(whole) = all.last_chunk().and_then(|parts| whole(parts, width, tolerance)) {
-            all.truncate(all.len() - 8);
-            all.push(whole);
-        }
-    }
-    all
+/// Appends the coefficients of radiance, red, green and blue for each function, to which a voxel's values lead if
+/// directions change its color little.
+fn append_radiance(values: &[Vec4], radiance: &mut Vec<f32>) {
+    let constant = Basis::FACTORS[0] as f32;
+    let color = sigmoid(constant * values[0]);
+    radiance.extend((color / constant).truncate().to_array());
+    let slope = color * (Vec4::ONE - color);
+    values[1..].iter().for_each(|value| radiance.extend((slope * *value).truncate().to_array()));
 }
 
-/// Returns the leaf that eight leaves become, if they are the parts of a cube and agree.
-fn whole<'a>(parts: &[Leaf<'a>; 8], width: f64, tolerance: f64) -> Option<Leaf<'a>> {
-    let Leaf { code, level, .. } = parts[0];
-    let is_cube = code.is_multiple_of(8 << (3 * level)) && parts[7].code == code + (7 << (3 * level));
-    if !is_cube || parts.iter().any(|part| part.level != level) {
-        return None;
-    }
-    let opacity = |part: &Leaf| 1.0 - (-part.density * width * f64::from(1u32 << level)).exp();
-    let opacities = parts.each_ref().map(opacity);
-    let (least, most) = opacities.iter().fold((f64::MAX, 0.0f64), |(a, b), x| (a.min(*x), b.max(*x)));
-    let mut values = vec![Vec4::ZERO; parts[0].values.len()];
-    for part in parts {
-        values.iter_mut().zip(part.values.iter()).for_each(|(mean, value)| *mean += 0.125 * *value);
-    }
-    // The largest difference of the constant coefficients, and others, changes a color by a quarter of its sum.
-    let change = |part: &Leaf| -> f32 {
-        let differences = part.values.iter().zip(&values).map(|(a, b)| (*a - *b).truncate().abs().max_element());
-        differences.sum()
-    };
-    let change = parts.iter().map(change).fold(0.0, f32::max);
-    let color = 0.25 * Basis::FACTORS[0] * f64::from(change);
-    let density = 0.125 * parts.iter().map(|part| part.density).sum::<f64>();
-    (most - least <= tolerance && most * color <= tolerance).then(|| Leaf {
-        code,
-        level: level + 1,
-        density,
-        values: values.into(),
-    })
+/// The inverse of [`append_radiance`], for colors that are not nearly black or fully bright. There is no thickness.
+fn values_of<'a>(radiance: &[f32]) -> Cow<'a, [Vec4]> {
+    let constant = Basis::FACTORS[0] as f32;
+    let color = (constant * Vec3::from_slice(radiance)).clamp(Vec3::splat(MARGIN), Vec3::splat(1.0 - MARGIN));
+    let (rest, slope) = (Vec3::ONE - color, color * (Vec3::ONE - color));
+    let first = Vec3::from_array((color / rest).to_array().map(f32::ln)) / constant;
+    let others = radiance[3..].chunks_exact(3).map(|value| Vec3::from_slice(value) / slope);
+    std::iter::once(first).chain(others).map(|value| value.extend(0.0)).collect()
 }
 
 fn density(grid: &Grid, voxel: u32) -> f64 {
@@ -188,6 +205,7 @@ fn around(grid: &Grid, voxel: Voxel) -> impl Iterator<Item = u32> {
 #[cfg(test)]
 mod tests {
     use glam::{DVec3, UVec3};
+    use proptest::prelude::*;
 
     use super::*;
     use crate::fit::grid::Cube;
@@ -215,12 +233,18 @@ mod tests {
         sizes
     }
 
-    /// Leaves that agree are merged, again and again, and keep their density.
+    /// Makes the field of a grid of which all is visible.
+    fn merged(grid: &Grid, most: usize) -> PlenOctree {
+        to_merged_field(grid, &vec![1e-6; grid.len()], most).unwrap()
+    }
+
+    /// Leaves that agree are merged, again and again, and keep their density and color.
     #[test]
     fn equal_leaves_are_merged() {
-        let field = to_merged_field(&grid(|_| 0.3, |_| 0.5), usize::MAX).unwrap();
+        let field = merged(&grid(|_| 0.3, |_| 0.5), usize::MAX);
         assert_eq!(sizes(&field), [1, 4]);
         assert!(field.densities().iter().all(|density| (density / (0.3 * 64.0) - 1.0).abs() < 1e-5));
+        assert!(field.coefficients().iter().all(|value| (value.to_f32() - 0.5).abs() < 1e-3));
     }
 
     /// Leaves that differ in what is seen of them are not, unless there would be too many.
@@ -228,10 +252,45 @@ mod tests {
     fn different_leaves_are_merged_only_if_there_are_too_many() {
         let is_light = |at: UVec3| at.element_sum().is_multiple_of(2);
         let striped = grid(|_| 0.3, |at| if is_light(at) { 1.0 } else { -1.0 });
-        let uneven = grid(|at| if is_light(at) { 0.3 } else { 0.2 }, |_| 0.0);
+        // Unlike in a checkerboard of these, rays differ in how many of each they cross.
+        let uneven = grid(|at| if at.x.is_multiple_of(2) { 0.3 } else { 0.2 }, |_| 0.0);
         for grid in [striped, uneven] {
-            assert_eq!(to_merged_field(&grid, usize::MAX).unwrap().leaves(), 65);
-            assert_eq!(sizes(&to_merged_field(&grid, 2).unwrap()), [1, 4]);
+            assert_eq!(merged(&grid, usize::MAX).leaves(), 65);
+            assert_eq!(sizes(&merged(&grid, 2)), [1, 4]);
+        }
+    }
+
+    /// Of leaves that differ alike, those that are hidden are merged first.
+    #[test]
+    fn hidden_leaves_are_merged_first() {
+        let striped = grid(|_| 0.3, |at| if at.element_sum().is_multiple_of(2) { 1.0 } else { -1.0 });
+        let is_hidden = |corner: UVec3| corner.x >= 10;
+        let seen: Vec<f32> = striped.voxels().map(|voxel| if is_hidden(voxel.corner) { 1e-9 } else { 1e-6 }).collect();
+        let field = to_merged_field(&striped, &seen, 40).unwrap();
+        assert!(field.leaves() <= 40, "{}", field.leaves());
+        let merged = |cell: &plenoctree::LeafCell| cell.size > 1;
+        assert!(field.leaf_cells().filter(merged).all(|cell| is_hidden(cell.corner)));
+    }
+
+    proptest! {
+        /// There are never more leaves than asked for, and what is not merged stays as it is.
+        #[test]
+        fn merging_keeps_to_the_limit(
+            values in prop::collection::vec((0.05f32..3.0, -3.0f32..3.0, 1e-9f32..1e-6), 65),
+            most in 2usize..70,
+        ) {
+            let at = |corner: UVec3| values[(16 * corner.x + 4 * corner.y + corner.z) as usize % 65];
+            let grid = grid(|corner| at(corner).0, |corner| at(corner).1);
+            let seen: Vec<f32> = values.iter().map(|(.., seen)| *seen).collect();
+            let field = to_merged_field(&grid, &seen, most).unwrap();
+            prop_assert!(field.leaves() <= most);
+            for cell in field.leaf_cells().filter(|cell| cell.size == 1) {
+                let voxel = grid.voxel(cell.corner.as_ivec3()).unwrap() as usize;
+                let density = f64::from(field.densities()[cell.leaf as usize]);
+                prop_assert!((density / (64.0 * f64::from(grid.thickness[voxel])) - 1.0).abs() < 1e-6);
+                let color = field.coefficients()[3 * cell.leaf as usize];
+                prop_assert_eq!(color, f16::from_f32(grid.values[voxel].x));
+            }
         }
     }
 }

@@ -107,6 +107,21 @@ fn groups_with_small_errors_are_not_sacrificed() {
     assert!((after - near).abs() < 0.8 * (before - near).abs() && after > before, "{before} {near} {after}");
 }
 
+/// The same shots give the same field on any number of threads, with fewer leaves where they agree or are hidden.
+#[test]
+fn refined_fields_do_not_depend_on_threads() {
+    let (gray, colored) = (ball(|_| DVec3::splat(0.5)), ball(|at| 0.5 + 0.4 * at));
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| refined(&gray, &colored, 0.002))
+    };
+    let [one, three] = [1, 3].map(with);
+    assert!(one.kept > 0 && one.field.leaves() < gray.leaves(), "{}", one.field.leaves());
+    assert_eq!(one.field.nodes(), three.field.nodes());
+    assert_eq!(one.field.densities(), three.field.densities());
+    assert_eq!(one.field.coefficients(), three.field.coefficients());
+}
+
 /// A cube that is a single leaf, half as wide as all, and a finest leaf away from it.
 fn large_leaf(depth: usize, light: f32) -> PlenOctree {
     let mut nodes = vec![[Cell::EMPTY; 8]; depth];

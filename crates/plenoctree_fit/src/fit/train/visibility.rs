@@ -5,6 +5,7 @@ use std::sync::Mutex;
 use glam::DVec2;
 use rayon::prelude::*;
 
+use super::gallery::TrainView;
 use crate::{
     exponential::exp_minus,
     fit::{
@@ -17,6 +18,12 @@ use crate::{
 const STOP: f32 = 1e-5;
 /// Number of cameras from which their rays are farther apart, so that all of them have about as many as this number.
 const MANY: f64 = 400.0;
+/// Distance, in pixels, of the rays that tell how visible voxels are.
+const SEEN_EVERY: u32 = 4;
+/// The unit of their sums, which are whole numbers so that the order of rays does not matter.
+const SEEN_UNIT: f32 = 1.0 / 256.0;
+/// The number of rays that see a voxel that none of them crosses: rays in between may.
+const UNSEEN: f32 = 0.01;
 
 /// The conditions for keeping a voxel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,24 +64,65 @@ impl Limits {
 /// Returns the largest weight that each voxel has on any ray of the cameras. Rays are about `spacing` cells apart, or
 /// more if there are many cameras.
 pub fn largest_weights(grid: &Grid, cameras: &[&ViewCamera], spacing: f64) -> Vec<f32> {
-    let pool: Mutex<Vec<Vec<f32>>> = Mutex::default();
     let sparseness = sparseness(cameras.len());
-    cameras.par_iter().for_each(|camera| {
-        let taken = pool.lock().ok().and_then(|mut pool| pool.pop());
-        let mut weights = taken.unwrap_or_else(|| vec![0.0; grid.len()]);
+    let look = |camera: &&ViewCamera, weights: &mut [f32]| {
         for pixel in pixels(grid, camera, spacing, sparseness) {
-            march(grid, camera, pixel, |voxel, seen| {
+            march(grid, camera, pixel, |voxel, _, seen| {
                 let weight = &mut weights[voxel as usize];
                 *weight = weight.max(seen);
             });
         }
+    };
+    gathered(grid, cameras, look, f32::max)
+}
+
+/// Returns how visible each voxel is in the views: the sum, over rays that cross it, of the squared transmittance of
+/// what is in front of it, per area of its face in cells, relative to the number of all rays. Rays count as their views
+/// do.
+pub fn seen(grid: &Grid, views: &[TrainView]) -> Vec<f32> {
+    let every = |size: u32, first: u32| (first % SEEN_EVERY..size).step_by(SEEN_EVERY as usize);
+    // Views do not all look through the same pixels.
+    let columns = |camera: &ViewCamera, number: usize| every(camera.width, number as u32);
+    let rows = |camera: &ViewCamera, number: usize| every(camera.height, number as u32 / SEEN_EVERY);
+    let look = |view: &TrainView, sums: &mut [u32]| {
+        let camera = &view.camera;
+        for y in rows(camera, view.number) {
+            for x in columns(camera, view.number) {
+                march(grid, camera, DVec2::new(x.into(), y.into()) + 0.5, |voxel, transmittance, _| {
+                    let sum = &mut sums[voxel as usize];
+                    *sum = sum.saturating_add((view.weight * transmittance * transmittance / SEEN_UNIT) as u32);
+                });
+            }
+        }
+    };
+    let sums = gathered(grid, views, look, u32::saturating_add);
+    let rays =
+        |TrainView { camera, number, .. }: &TrainView| rows(camera, *number).count() * columns(camera, *number).count();
+    let all = views.iter().map(rays).sum::<usize>().max(1) as f32;
+    let seen = |(sum, voxel): (u32, Voxel)| (sum as f32 * SEEN_UNIT).max(UNSEEN) / (all * voxel.size.pow(2) as f32);
+    sums.into_iter().zip(grid.voxels()).map(seen).collect()
+}
+
+/// Returns, for each voxel, what views find out, on all cores. `combine` joins what several find: in any order, the
+/// result is the same.
+fn gathered<V: Sync, T: Copy + Default + Send>(
+    grid: &Grid,
+    views: &[V],
+    look: impl Fn(&V, &mut [T]) + Sync,
+    combine: impl Fn(T, T) -> T,
+) -> Vec<T> {
+    let pool: Mutex<Vec<Vec<T>>> = Mutex::default();
+    views.par_iter().for_each(|view| {
+        let taken = pool.lock().ok().and_then(|mut pool| pool.pop());
+        let mut found = taken.unwrap_or_else(|| vec![T::default(); grid.len()]);
+        look(view, &mut found);
         if let Ok(mut pool) = pool.lock() {
-            pool.push(weights);
+            pool.push(found);
         }
     });
-    let mut all = vec![0.0f32; grid.len()];
-    for weights in pool.into_inner().unwrap_or_default() {
-        all.iter_mut().zip(weights).for_each(|(all, weight)| *all = all.max(weight));
+    let mut all = vec![T::default(); grid.len()];
+    for found in pool.into_inner().unwrap_or_default() {
+        all.iter_mut().zip(found).for_each(|(all, found)| *all = combine(*all, found));
     }
     all
 }
@@ -96,12 +144,12 @@ fn pixels(grid: &Grid, camera: &ViewCamera, spacing: f64, sparseness: f64) -> im
     every(camera.height).flat_map(move |y| every(width).map(move |x| DVec2::new(x, y)))
 }
 
-/// Calls `visit` with the voxels that a ray sees, and with their weights.
-fn march(grid: &Grid, camera: &ViewCamera, pixel: DVec2, mut visit: impl FnMut(u32, f32)) {
+/// Calls `visit` with the voxels that a ray sees, the transmittance of what is in front of them, and their weights.
+fn march(grid: &Grid, camera: &ViewCamera, pixel: DVec2, mut visit: impl FnMut(u32, f32, f32)) {
     let mut transmittance = 1.0f32;
     grid.march(&grid.ray(camera.position, camera.direction(pixel)), |voxel, length| {
         let through = exp_minus(grid.thickness[voxel as usize] * length);
-        visit(voxel, transmittance * (1.0 - through));
+        visit(voxel, transmittance, transmittance * (1.0 - through));
         transmittance *= through;
         transmittance >= STOP
     });
@@ -115,7 +163,7 @@ fn limit(grid: &Grid, cameras: &[&ViewCamera], weights: &[f32], limits: &Limits)
         for pixel in pixels(grid, camera, 4.0 * limits.spacing, sparseness) {
             let mut lost = [0.0f32; 4];
             let mut any = false;
-            march(grid, camera, pixel, |voxel, seen| {
+            march(grid, camera, pixel, |voxel, _, seen| {
                 any = true;
                 let (weight, thickness) = (weights[voxel as usize], grid.thickness[voxel as usize]);
                 for (lost, limit) in lost.iter_mut().zip(limits.weights) {
@@ -150,12 +198,14 @@ pub fn visible(grid: &Grid, cameras: &[&ViewCamera], limits: Limits) -> VoxelSet
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use glam::{DMat3, DVec3, UVec3, Vec4};
 
     use super::*;
     use crate::fit::{
         grid::Cube,
-        input::{Distortion, Lens},
+        input::{Distortion, Lens, Picture},
     };
 
     /// A camera that sees all of a cube around the origin.
@@ -199,6 +249,36 @@ mod tests {
         let kept = visible(&grid, &[&camera()], Limits { spacing: 0.5, most: 1000, ..Limits::default() });
         assert_eq!(kept.voxels().count(), 1000);
         assert!(kept.voxels().all(|voxel| voxel.corner.z >= 58));
+    }
+
+    /// What faces the views is as visible as it is large in them, and what is behind it as little as what no ray crosses.
+    /// Views count by their weights, and the number of threads does not matter.
+    #[test]
+    fn what_is_in_front_is_seen() {
+        let grid = grid(|at| if (30..34).contains(&at.z) { 3.0 } else { 0.0 });
+        let seen_with = |weights: [f32; 2], threads: usize| {
+            let view = |(weight, number): (f32, usize)| {
+                let picture = Arc::new(Picture { width: 0, height: 0, pixels: Vec::new(), knows_opacity: true });
+                TrainView { number, camera: camera(), picture, weight }
+            };
+            let views: Vec<TrainView> = weights.into_iter().zip(0..).map(view).collect();
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| seen(&grid, &views))
+        };
+        let ones = seen_with([1.0; 2], 1);
+        assert_eq!(ones, seen_with([1.0; 2], 3));
+        // Two views with 16 x 16 rays each.
+        let unseen = UNSEEN / 512.0;
+        let front = |seen: &[f32]| -> f32 {
+            let layer = grid.voxels().zip(seen).filter(|(voxel, _)| voxel.corner.z == 33);
+            layer.map(|(_, seen)| *seen).filter(|seen| *seen > 2.0 * unseen).sum()
+        };
+        // The camera looks at the side of greater z, which fills a tenth of the picture.
+        assert!((front(&ones) - 0.1).abs() < 0.05, "{}", front(&ones));
+        let mut back = grid.voxels().zip(&ones).filter(|(voxel, _)| voxel.corner.z == 30);
+        assert!(back.all(|(_, seen)| (*seen / unseen - 1.0).abs() < 1e-3));
+        let ratio = front(&seen_with([3.0, 1.0], 2)) / front(&ones);
+        assert!((ratio - 2.0).abs() < 0.2, "{ratio}");
     }
 
     /// Thousands of cameras cast about as many rays as hundreds, and see about the same voxels.

@@ -7,10 +7,8 @@ use glam::{DVec3, USizeVec3, UVec3, Vec3};
 use rayon::prelude::*;
 
 use super::{gaussian::CellGaussian, optics::Profile};
-use crate::{exponential::exp_minus, finest::position_of, splat::splats::Splats};
+use crate::{cells::BLOCK, exponential::exp_minus, finest::position_of, splat::splats::Splats};
 
-/// Levels of cells in a block.
-pub const BLOCK: u32 = 5;
 /// The work of a Gaussian in a block apart from its sums, in sums.
 const WORK_PER_BLOCK: f64 = 50.0;
 /// Maximum number of levels of regions.

@@ -3,13 +3,16 @@
 use glam::{DVec3, IVec3, UVec3};
 
 use super::{
-    blocks::{BLOCK, Block, Lattice},
-    cells::Cells,
+    blocks::{Block, Lattice},
     settings::{BLUR, FAINTEST, THINNEST, per_cell},
     sight::look,
-    tree::merged_thickness,
 };
-use crate::{exponential::exp_minus, finest::position_of, splat::splats::Splats};
+use crate::{
+    cells::{BLOCK, Cells, merged_thickness},
+    exponential::exp_minus,
+    finest::position_of,
+    splat::splats::Splats,
+};
 
 /// Levels of the finest cells in a coarse one.
 const LEVELS: u32 = 2;

@@ -2,7 +2,6 @@
 //! that does not show.
 
 mod blocks;
-mod cells;
 mod coarse;
 mod colors;
 mod gaussian;
@@ -10,7 +9,6 @@ mod optics;
 mod place;
 mod settings;
 mod sight;
-mod tree;
 mod voxels;
 
 use plenoctree::PlenOctree;

@@ -5,13 +5,9 @@ use half::f16;
 use plenoctree::{Activation, Basis, Frame, PlenOctree, UpAxis};
 use rayon::prelude::*;
 
-use super::{
-    blocks::{BLOCK, Block},
-    cells::Cells,
-    colors::Directions,
-    settings::VoxelSettings,
-};
+use super::{blocks::Block, colors::Directions, settings::VoxelSettings};
 use crate::{
+    cells::{BLOCK, Cells},
     finest::{least_density, position_of},
     splat::{error::SplatError, harmonics::functions, splats::Splats},
 };

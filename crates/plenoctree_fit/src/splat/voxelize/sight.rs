@@ -3,8 +3,7 @@
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;
 
-use super::cells::Cells;
-use crate::{exponential::exp_minus, finest::position_of};
+use crate::{cells::Cells, exponential::exp_minus, finest::position_of};
 
 /// Number of directions.
 const DIRECTIONS: usize = 24;

@@ -9,15 +9,14 @@ use plenoctree::PlenOctree;
 use rayon::prelude::*;
 
 use super::{
-    blocks::{BLOCK, Block, Lattice},
-    cells::Cells,
+    blocks::{Block, Lattice},
     coarse::Coarse,
     place::{DEPTHS, MOST_CELLS, Place, fault},
     settings::{BLUR, FAINTEST, THINNEST, VoxelSettings, per_cell},
     sight::look,
-    tree::Tree,
 };
 use crate::{
+    cells::{BLOCK, Cells, Tree, price},
     exponential::exp_minus,
     finest::position_of,
     splat::{error::SplatError, splats::Splats},
@@ -39,9 +38,6 @@ const SPARE: f64 = 1.5;
 const SAMPLED: u64 = 13;
 /// The smallest error, in areas of the cube's face, for which a cell is split.
 const LEAST_PRICE: f64 = 1e-11;
-/// Binary logarithms of the lowest and the highest price to try, and how often to halve the range.
-const PRICES: [f32; 2] = [-40.0, 24.0];
-const PRICE_STEPS: usize = 14;
 
 /// A capture in cells of all sizes, from which fields with any number of leaves are made.
 pub struct Voxels {
@@ -143,15 +139,4 @@ impl Voxels {
         let cells = Cells::joined(self.trees.par_iter().map(cells).collect());
         self.place.field(&cells, self.depth)
     }
-}
-
-/// Returns the lowest price of a cell with which trees have at most `goal` cells. Prices are powers of two.
-fn price(trees: &[Tree], goal: usize, levels: [u8; 2]) -> f32 {
-    let count = |price: f32| trees.par_iter().map(|tree| tree.cut(price, levels).count()).sum::<usize>();
-    let [mut low, mut high] = PRICES;
-    for _ in 0..PRICE_STEPS {
-        let middle = 0.5 * (low + high);
-        if count(middle.exp2()) > goal { low = middle } else { high = middle }
-    }
-    high.exp2()
 }

@@ -1,8 +1,10 @@
 //! Cells of different sizes.
 
+#[cfg(feature = "splat")]
 use plenoctree::Cell;
 
-use super::blocks::BLOCK;
+/// Levels of cells in a block.
+pub const BLOCK: u32 = 5;
 
 /// Cells of different sizes that do not overlap, in the order of their codes. A code is that of a cell's lowest corner
 /// among the finest cells.
@@ -13,7 +15,7 @@ pub struct Cells {
     pub levels: Vec<u8>,
     /// Density times the width of the cell.
     pub thickness: Vec<f32>,
-    /// How visible each cell is: see [`Sight::mean`](super::sight::Sight::mean).
+    /// How visible each cell is: the mean square of the transmittance of what is in front of it. The unit is free.
     pub seen: Vec<f32>,
     /// The coefficients of each cell: red, green and blue for each function.
     pub colors: Vec<f32>,
@@ -79,6 +81,7 @@ impl Cells {
     }
 
     /// Returns the nodes of the tree whose leaves are the cells. `depth` is the level of its finest cells.
+    #[cfg(feature = "splat")]
     pub fn nodes(&self, depth: u32) -> Vec<[Cell; 8]> {
         let mut nodes = Vec::new();
         self.append_node(&mut nodes, &mut 0, 0, depth);
@@ -86,6 +89,7 @@ impl Cells {
     }
 
     /// Appends the node of the cell with this code, which is `level` levels above the finest cells, and all below it.
+    #[cfg(feature = "splat")]
     fn append_node(&self, nodes: &mut Vec<[Cell; 8]>, next: &mut usize, code: u64, level: u32) {
         let node = nodes.len();
         nodes.push([Cell::EMPTY; 8]);

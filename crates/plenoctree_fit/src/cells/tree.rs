@@ -2,15 +2,20 @@
 
 use std::f32::consts::PI;
 
-use super::{blocks::BLOCK, cells::Cells};
+use rayon::prelude::*;
+
+use super::list::{BLOCK, Cells};
 use crate::exponential::exp_minus;
 
 /// Square of the difference, per channel, between a cell and what is seen behind it: what an error of opacity costs.
 const CONTRAST: f32 = 0.06;
 /// The largest number of harmonics.
-const MOST_FUNCTIONS: usize = 9;
+const MOST_FUNCTIONS: usize = 16;
 /// Thickness from which on a cell is opaque: hardly any light gets through.
 const OPAQUE: f32 = 40.0;
+/// Binary logarithms of the lowest and the highest price to try, and how often to halve the range.
+const PRICES: [f32; 2] = [-40.0, 24.0];
+const PRICE_STEPS: usize = 14;
 
 /// A tree over the cells of a block: the cells, and larger ones that could stand for them.
 pub struct Tree {
@@ -18,7 +23,8 @@ pub struct Tree {
     cells: Cells,
     /// The index of the first cell of each cell's subtree.
     starts: Vec<u32>,
-    /// What a cell adds to the squared error of pictures, in finest cells, if it stands for its subtree.
+    /// What a cell adds to the squared error of pictures if it stands for its subtree: its area in finest cells, times
+    /// how visible it is, times the error.
     errors: Vec<f32>,
 }
 
@@ -116,6 +122,17 @@ impl Tree {
         }
         cells
     }
+}
+
+/// Returns the lowest price of a cell with which trees have at most `goal` cells. Prices are powers of two.
+pub fn price(trees: &[Tree], goal: usize, levels: [u8; 2]) -> f32 {
+    let count = |price: f32| trees.par_iter().map(|tree| tree.cut(price, levels).count()).sum::<usize>();
+    let [mut low, mut high] = PRICES;
+    for _ in 0..PRICE_STEPS {
+        let middle = 0.5 * (low + high);
+        if count(middle.exp2()) > goal { low = middle } else { high = middle }
+    }
+    high.exp2()
 }
 
 /// The coefficients of a cell.
