@@ -48,10 +48,9 @@ pub(super) fn plugin(app: &mut App) {
         )
         .add_systems(
             Core3d,
-            (
-                pass::draw_cascades.after(per_view_shadow_pass::<LATE_SHADOW_PASS>),
-                pass::draw_shared_map.after(shared_shadow_pass::<LATE_SHADOW_PASS>),
-            )
+            pass::draw_maps
+                .after(per_view_shadow_pass::<LATE_SHADOW_PASS>)
+                .after(shared_shadow_pass::<LATE_SHADOW_PASS>)
                 .before(Core3dSystems::MainPass),
         );
     app.add_systems(

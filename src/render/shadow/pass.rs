@@ -16,41 +16,26 @@ use super::{
     pipeline::SHADOW_SPAN,
 };
 
-/// Draws into the maps of directional lights. Every camera has its own.
-pub(super) fn draw_cascades(
-    camera: ViewQuery<&ViewLightEntities>,
+/// Draws into the maps of a view: those of directional lights, if it is a camera, or else the map of a point or spot
+/// light, which is a view of its own, because all cameras share it.
+pub(super) fn draw_maps(
+    view: ViewQuery<Option<&ViewLightEntities>>,
     mut maps: Query<(&ShadowView, &mut MapProps)>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let lights = &camera.into_inner().lights;
-    if maps.iter_many(lights).all(|(_, map)| map.drawn.is_empty()) {
+    let own = [view.entity()];
+    let views = view.into_inner().map_or(&own[..], |camera| &camera.lights[..]);
+    if maps.iter_many(views).all(|(_, map)| map.drawn.is_empty()) {
         return;
     }
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), SHADOW_SPAN);
-    let mut maps = maps.iter_many_mut(lights);
+    let mut maps = maps.iter_many_mut(views);
     while let Some((view, mut map)) = maps.fetch_next() {
         draw(view, &mut map, &cache, &mut ctx);
     }
-    span.end(ctx.command_encoder());
-}
-
-/// Draws into a map of a point or spot light, which all cameras share.
-pub(super) fn draw_shared_map(
-    map: ViewQuery<(&ShadowView, &mut MapProps)>,
-    cache: Res<PipelineCache>,
-    mut ctx: RenderContext,
-) {
-    let (view, mut map) = map.into_inner();
-    if map.drawn.is_empty() {
-        return;
-    }
-    let diagnostics = ctx.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let span = diagnostics.time_span(ctx.command_encoder(), SHADOW_SPAN);
-    draw(view, &mut map, &cache, &mut ctx);
     span.end(ctx.command_encoder());
 }
 
