@@ -2,7 +2,8 @@
 
 use bevy::{camera::Viewport, prelude::*, render::render_asset::RenderAssets};
 use bevy_plenoctree::{
-    Activation, EdgeSmoothing, FieldPalette, GpuField, Palette, PlenOctree, Posterize, UpAxis, headless::pinhole_view,
+    Activation, BorderSmoothing, EdgeSmoothing, FieldPalette, GpuField, Palette, PaletteMethod, PlenOctree, Posterize,
+    UpAxis, headless::pinhole_view,
 };
 use glam::{DMat4, DVec3};
 use plenoctree::{
@@ -108,8 +109,12 @@ fn packed_fields_match_the_reference() {
 fn posterization_and_recoloring_match_the_reference() {
     let field = ball(Basis::Sh9);
     let rendering = reference::render(&field, &pinhole());
-    let source: Vec<DVec3> = palette().colors.into_iter().map(DVec3::from).collect();
-    let mut shown = source.clone();
+    let mut shown: Vec<DVec3> = palette().colors.into_iter().map(DVec3::from).collect();
+    // Tones of a ramp blend over more than those of two.
+    let mut tones = palette();
+    tones.method = Some(PaletteMethod::Tones);
+    tones.gather_tones(&[0, 1], "first").unwrap();
+    tones.gather_tones(&[2, 3, 4], "second").unwrap();
     let mut scene = scene(&field);
     for (posterize, recolored) in [
         (Posterize::paper(), false),
@@ -117,7 +122,11 @@ fn posterization_and_recoloring_match_the_reference() {
         (Posterize { softness: 0.4, blend_steps: 1, min_opacity: 0.9, ..Posterize::paper() }, true),
         // It skips pixels.
         (Posterize { filter: Posterize::default().filter, ..Posterize::paper() }, true),
+        (Posterize { softness: 0.6, borders: BorderSmoothing::Off, ..Posterize::soft() }, true),
     ] {
+        let of_tones = posterize.method != Some(PaletteMethod::Hull);
+        let palette = if of_tones { tones.clone() } else { palette() };
+        scene.paint(FieldPalette::new(palette.clone()));
         let posterize = Posterize { edges: EdgeSmoothing::Off, ..posterize };
         if recolored {
             shown[0] = DVec3::new(0.2, 0.4, 1.0);
@@ -125,7 +134,9 @@ fn posterization_and_recoloring_match_the_reference() {
         }
         scene.dress(posterize);
         let settings = reference::Posterization {
-            blend_steps: posterize.blend_steps,
+            space: palette.label_space(),
+            // Tones do not blend with one another.
+            blend_steps: if of_tones { 1 } else { posterize.blend_steps },
             softness: posterize.softness.into(),
             min_opacity: posterize.min_opacity.into(),
             iterations: posterize.filter.iterations,
@@ -133,9 +144,8 @@ fn posterization_and_recoloring_match_the_reference() {
             taps: posterize.filter.taps,
             spatial_sigma: posterize.filter.spatial_sigma.into(),
             range_sigma: posterize.filter.range_sigma.into(),
-            ..Default::default()
         };
-        let expected = reference::posterize(&rendering, DVec3::ONE, &source, &shown, &settings);
+        let expected = reference::posterize(&rendering, DVec3::ONE, &palette, &shown, &settings);
         let frame = scene.capture();
         let pixels = frame.pixels().zip(&expected).zip(&rendering.opacity);
         // The background is easy.

@@ -99,7 +99,7 @@ fn check_promises(name: &str, field: &PlenOctree, palette: &Palette) {
         let truth = reference::render(field, &camera);
         let over = truth.over(DVec3::ONE);
         // With hard edges, the color of a pixel tells its label.
-        let expected = reference::posterize(&truth, DVec3::ONE, &colors, &colors, &settings);
+        let expected = reference::posterize(&truth, DVec3::ONE, palette, &colors, &settings);
         let is_owned = |opacity: f64| opacity >= 80.0 / 255.0;
         let owned = truth.opacity.iter().filter(|opacity| is_owned(**opacity)).count();
         for preset in QualityPreset::ALL {

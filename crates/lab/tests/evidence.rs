@@ -181,7 +181,7 @@ fn figures_agree_with_the_library() {
         assert_eq!(number(row, "field_hue_errors_percent"), 100.0 * errors.hue);
 
         let source: Vec<DVec3> = palette.colors.iter().map(|&color| color.into()).collect();
-        let shown = reference::posterize(&rendering, DVec3::ONE, &source, &source, &Posterization::default());
+        let shown = reference::posterize(&rendering, DVec3::ONE, &palette, &source, &Posterization::default());
         let quantize = |color: &DVec3| color.to_array().map(|channel| (255.0 * channel.clamp(0.0, 1.0)).round() as u8);
         let picture = image::open(out.join(format!("pictures/view_0_{}.png", method.name()))).unwrap().into_rgb8();
         assert!(picture.pixels().zip(&shown).all(|(Rgb(found), color)| *found == quantize(color)));

@@ -46,12 +46,13 @@ fn palettes_and_settings_at_their_limits() {
         ("sixteen", many),
     ] {
         let source: Vec<DVec3> = colors.iter().map(|color| DVec3::from(*color)).collect();
-        stage.paint(FieldPalette::new(Palette::new(colors).unwrap()));
+        let palette = Palette::new(colors).unwrap();
+        stage.paint(FieldPalette::new(palette.clone()));
         for (blend_steps, softness) in [(1, 0.0), (8, 0.0), (1, 1e-9), (8, 0.2), (3, 10.0)] {
             let posterize = Posterize { blend_steps, softness, edges: EdgeSmoothing::Off, ..Posterize::paper() };
             let settings = reference::Posterization { blend_steps, softness: softness.into(), ..Default::default() };
             stage.dress(posterize);
-            let expected = reference::posterize(&rendering, DVec3::ZERO, &source, &source, &settings);
+            let expected = reference::posterize(&rendering, DVec3::ZERO, &palette, &source, &settings);
             let frame = stage.see(&camera());
             let pixels = frame.pixels().zip(&expected).zip(&rendering.opacity);
             // The background is easy.
@@ -78,13 +79,13 @@ fn a_palette_with_too_many_labels_has_fewer_blends() {
         let colors = (0..count).map(|i| [i & 3, i >> 2 & 3, i >> 4].map(|c| f64::from(c) / 3.0 * 0.9 + 0.05));
         let palette = Palette::new(colors.collect()).unwrap();
         let source: Vec<DVec3> = palette.colors.iter().map(|color| DVec3::from(*color)).collect();
-        stage.paint(FieldPalette::new(palette));
+        stage.paint(FieldPalette::new(palette.clone()));
         let posterize = Posterize { blend_steps: 8, softness: 0.0, edges: EdgeSmoothing::Off, ..Posterize::paper() };
         stage.dress(posterize);
         let frame = stage.see(&camera());
         let share = |blend_steps| {
             let settings = reference::Posterization { blend_steps, softness: 0.0, ..Default::default() };
-            let expected = reference::posterize(&rendering, DVec3::ZERO, &source, &source, &settings);
+            let expected = reference::posterize(&rendering, DVec3::ZERO, &palette, &source, &settings);
             let owned = frame.pixels().zip(&expected).zip(&rendering.opacity).filter(|(_, opacity)| **opacity > 0.4);
             let all = owned.clone().count();
             assert!(all > 100);

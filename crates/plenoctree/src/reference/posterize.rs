@@ -4,7 +4,10 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::render::Rendering;
-use crate::{palette::LabelSpace, srgb::decode};
+use crate::{
+    palette::{LabelSpace, Palette},
+    srgb::decode,
+};
 
 /// Settings of posterization, with the values of section 4 of the method as defaults.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,6 +65,8 @@ pub fn labels(palette: &[DVec3], blend_steps: u32) -> Vec<DVec3> {
     labels
 }
 
+/// The part of the softness over which tones of two ramps blend.
+const ACROSS: f64 = 0.25;
 /// The opacity from which pixels that show tones are opaque.
 const OPAQUE: f64 = 0.9;
 
@@ -79,19 +84,30 @@ pub fn shown_opacity(space: LabelSpace, opacity: f64) -> f64 {
 /// labels. Thin pixels are shown as rendered. In tone space, others are shown over the background, too, unless they are
 /// nearly opaque.
 ///
-/// `source` and `shown` are the source colors and the shown colors, of the same length. Colors are encoded sRGB. The
-/// result has the pixel order of [`Rendering`].
+/// `shown` are the shown colors of the palette, in its order. Colors are encoded sRGB. The result has the pixel order of
+/// [`Rendering`].
 pub fn posterize(
     rendering: &Rendering,
     background: DVec3,
-    source: &[DVec3],
+    palette: &Palette,
     shown: &[DVec3],
     settings: &Posterization,
 ) -> Vec<DVec3> {
     let filtered = filter(rendering, background, settings);
     let place = |color| settings.space.place(color);
-    let source: Vec<DVec3> = labels(source, settings.blend_steps).into_iter().map(place).collect();
+    let source: Vec<DVec3> = palette.colors.iter().map(|&color| color.into()).collect();
+    let places = labels(&source, settings.blend_steps).into_iter().map(place);
+    // Blends are in no ramp.
+    let ramp = |label| match settings.space {
+        LabelSpace::Encoded => None,
+        LabelSpace::Tones => palette.ramps.iter().position(|ramp| ramp.tones.contains(&label)),
+    };
     let shown = labels(shown, settings.blend_steps);
+    let labels: Vec<Label> = places
+        .zip(shown)
+        .enumerate()
+        .map(|(label, (place, shown))| Label { place, shown, ramp: ramp(label) })
+        .collect();
     filtered
         .iter()
         .zip(&rendering.opacity)
@@ -99,7 +115,7 @@ pub fn posterize(
             if opacity < settings.min_opacity {
                 return color;
             }
-            let label = assign(place(color), &source, &shown, settings.softness);
+            let label = assign(place(color), &labels, settings.softness);
             match settings.space {
                 LabelSpace::Encoded => label,
                 LabelSpace::Tones => background.lerp(label, shown_opacity(settings.space, opacity)),
@@ -121,24 +137,34 @@ pub fn filter(rendering: &Rendering, background: DVec3, settings: &Posterization
     bilateral(&image, &thin, rendering.width.max(1), settings)
 }
 
-/// Blends the two nearest labels: steps 3 and 4. `place` and `source` are in the space of the labels.
-fn assign(place: DVec3, source: &[DVec3], shown: &[DVec3], softness: f64) -> DVec3 {
-    let (mut nearest, mut second) = ((f64::INFINITY, DVec3::ZERO), (f64::INFINITY, DVec3::ZERO));
-    for (label, &shown) in source.iter().zip(shown) {
-        let distance = place.distance(*label);
+/// A label: where colors are compared with it, what it shows, and its ramp.
+#[derive(Clone, Copy, Default)]
+struct Label {
+    place: DVec3,
+    shown: DVec3,
+    ramp: Option<usize>,
+}
+
+/// Blends the two nearest labels: steps 3 and 4. `place` is in the space of the labels.
+fn assign(place: DVec3, labels: &[Label], softness: f64) -> DVec3 {
+    let (mut nearest, mut second) = ((f64::INFINITY, Label::default()), (f64::INFINITY, Label::default()));
+    for &label in labels {
+        let distance = place.distance(label.place);
         if distance < nearest.0 {
             second = nearest;
-            nearest = (distance, shown);
+            nearest = (distance, label);
         } else if distance < second.0 {
-            second = (distance, shown);
+            second = (distance, label);
         }
     }
+    let is_across = nearest.1.ramp.zip(second.1.ramp).is_some_and(|(first, second)| first != second);
+    let softness = if is_across { ACROSS * softness } else { softness };
     if softness == 0.0 || !second.0.is_finite() {
-        return nearest.1;
+        return nearest.1.shown;
     }
     let step = (0.5 + (second.0 - nearest.0) / (2.0 * softness)).clamp(0.5, 1.0);
     let share = step * step * (3.0 - 2.0 * step);
-    share * nearest.1 + (1.0 - share) * second.1
+    share * nearest.1.shown + (1.0 - share) * second.1.shown
 }
 
 /// Applies the separable bilateral filter: step 2. Pixels marked `thin` are read but not changed.

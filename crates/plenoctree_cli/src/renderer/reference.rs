@@ -60,10 +60,9 @@ impl Render for ReferenceRenderer {
     fn posterized(&mut self, camera: &PinholeCamera, look: &Look) -> Result<(RgbImage, FrameTimes)> {
         let background = self.background();
         let View { rendering, milliseconds: volume, .. } = self.view(camera);
-        let [source, shown] = [&look.palette.colors[..], look.shown]
-            .map(|colors| colors.iter().map(|&color| color.into()).collect::<Vec<DVec3>>());
+        let shown: Vec<DVec3> = look.shown.iter().map(|&color| color.into()).collect();
         let start = Instant::now();
-        let colors = posterize(rendering, background, &source, &shown, &posterization(look));
+        let colors = posterize(rendering, background, look.palette, &shown, &posterization(look));
         let posterize = start.elapsed().as_secs_f64() * 1e3;
         let image = RgbImage::from_fn(camera.width, camera.height, |x, y| {
             Rgb(hex::quantize(colors[y as usize * rendering.width + x as usize].to_array()))
