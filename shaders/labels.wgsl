@@ -97,7 +97,7 @@ fn shown(palette: u32, label: Label) -> vec3<f32> {
 
 // Tones of two ramps blend over this part of the softness, so that a recolored ramp does not show in other materials.
 // Matches `posterize.rs` of the reference.
-const ACROSS: f32 = 0.25;
+const ACROSS_RAMPS: f32 = 0.25;
 const FAR: f32 = 1e30;
 
 // The color of a pixel, and the index of its nearest label.
@@ -187,7 +187,7 @@ fn assign(place: vec3<f32>, prop: u32, light: Light) -> Shown {
     if softness > 0.0 && are_tones(prop) {
         let ramps = vec2(ramp_of(prop, nearest.labels.x), ramp_of(prop, nearest.labels.y));
         let is_across = ramps.x != ramps.y && all(ramps < vec2(RAMPS));
-        softness *= select(1.0, ACROSS, is_across);
+        softness *= select(1.0, ACROSS_RAMPS, is_across);
     }
     let lead = sqrt(nearest.distances.y) - sqrt(nearest.distances.x);
     let first = shown_at(prop, nearest.labels.x, light);

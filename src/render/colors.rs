@@ -88,8 +88,7 @@ impl PlacedColors {
         let source = of.colors.get(..Palette::MAX_COLORS).unwrap_or(&of.colors);
         let count = source.len();
         // A color without a ramp is one by itself.
-        let ramp =
-            |color| of.ramps.iter().position(|ramp| ramp.tones.contains(&color)).unwrap_or(Palette::MAX_COLORS + color);
+        let ramp = |color| of.ramp_of(color).unwrap_or(Palette::MAX_COLORS + color);
         let mut given = std::mem::take(&mut self.given);
         given.clear();
         let numbered = source.iter().enumerate();

@@ -66,7 +66,7 @@ pub fn labels(palette: &[DVec3], blend_steps: u32) -> Vec<DVec3> {
 }
 
 /// The part of the softness over which tones of two ramps blend.
-const ACROSS: f64 = 0.25;
+const ACROSS_RAMPS: f64 = 0.25;
 /// The opacity from which pixels that show tones are opaque.
 const OPAQUE: f64 = 0.9;
 
@@ -100,7 +100,7 @@ pub fn posterize(
     // Blends are in no ramp.
     let ramp = |label| match settings.space {
         LabelSpace::Encoded => None,
-        LabelSpace::Tones => palette.ramps.iter().position(|ramp| ramp.tones.contains(&label)),
+        LabelSpace::Tones => palette.ramp_of(label),
     };
     let shown = labels(shown, settings.blend_steps);
     let labels: Vec<Label> = places
@@ -158,7 +158,7 @@ fn assign(place: DVec3, labels: &[Label], softness: f64) -> DVec3 {
         }
     }
     let is_across = nearest.1.ramp.zip(second.1.ramp).is_some_and(|(first, second)| first != second);
-    let softness = if is_across { ACROSS * softness } else { softness };
+    let softness = if is_across { ACROSS_RAMPS * softness } else { softness };
     if softness == 0.0 || !second.0.is_finite() {
         return nearest.1.shown;
     }

@@ -48,7 +48,7 @@ pub fn to_merged_field(grid: &Grid, seen: &[f32], most: usize) -> Result<PlenOct
     for leaf in &leaves {
         radiance.clear();
         append_radiance(&leaf.values, &mut radiance);
-        let thickness = leaf.density * leaf.width(grid);
+        let thickness = leaf.density * width(grid, leaf.level);
         cells.push(leaf.code, leaf.level as u8, thickness as f32, seen[leaf.voxel as usize], &radiance);
     }
     let trees: Vec<Tree> = cells.blocks(|_| true).par_iter().map(Tree::new).collect();
@@ -60,17 +60,13 @@ pub fn to_merged_field(grid: &Grid, seen: &[f32], most: usize) -> Result<PlenOct
         let leaf = std::iter::from_fn(|| same.next_if(|leaf| leaf.code <= code)).last();
         merged.push(match leaf {
             Some(leaf) if leaf.code == code && leaf.level == u32::from(level) => leaf.clone(),
-            _ => {
-                let mut leaf = Leaf {
-                    code,
-                    level: level.into(),
-                    voxel: NO_VOXEL,
-                    density: 0.0,
-                    values: values_of(chosen.color(cell)),
-                };
-                leaf.density = f64::from(chosen.thickness[cell]) / leaf.width(grid);
-                leaf
-            }
+            _ => Leaf {
+                code,
+                level: level.into(),
+                voxel: NO_VOXEL,
+                density: f64::from(chosen.thickness[cell]) / width(grid, level.into()),
+                values: values_of(chosen.color(cell)),
+            },
         });
     }
     field_of(grid, &merged)
@@ -90,11 +86,9 @@ struct Leaf<'a> {
     values: Cow<'a, [Vec4]>,
 }
 
-impl Leaf<'_> {
-    /// Returns its width, in world units.
-    fn width(&self, grid: &Grid) -> f64 {
-        grid.cell_size() * f64::from(1u32 << self.level)
-    }
+/// Returns the width of a leaf of this level, in world units.
+fn width(grid: &Grid, level: u32) -> f64 {
+    grid.cell_size() * f64::from(1u32 << level)
 }
 
 /// Returns the leaves of these voxels in order.
