@@ -260,7 +260,7 @@ fn former_palettes_are_kept() {
     assert!(old.exists() && Palette::read(&file).unwrap().colors.len() == 3);
 }
 
-/// Ramps are listed, and changed ones are saved: to the same file, or to another.
+/// Ramps are listed, and changed ones are saved: to the same file, of which a copy is kept, or to another.
 #[test]
 fn ramps_are_edited() {
     let folder = folder("palette_ramps");
@@ -284,6 +284,7 @@ fn ramps_are_edited() {
     assert_eq!(Palette::read(&other).unwrap(), expected);
     succeed(&["ramps", text(&file), &edit, "rest=1,2"]);
     assert_eq!(Palette::read(&file).unwrap(), expected);
+    assert_eq!(Palette::read(folder.join("ball.palette.json.old")).unwrap(), before);
 
     let image = |path: &Path| fail(&["ramps", text(&file), "--image", text(path)]);
     assert!(image(&file).contains("must end in .png"));

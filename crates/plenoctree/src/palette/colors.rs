@@ -159,7 +159,7 @@ pub enum PaletteFileError {
         source: std::io::Error,
     },
     /// The file is not JSON, has no `colors`, or has a value of the wrong type.
-    #[error("palette {}: {source}", path.display())]
+    #[error("palette {}: not a palette file: {source}", path.display())]
     Json {
         /// Path of the file.
         path: PathBuf,

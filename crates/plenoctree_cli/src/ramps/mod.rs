@@ -29,7 +29,9 @@ pub fn run(arguments: &Arguments) -> Result {
         edit.apply(&mut palette).map_err(|error| format!("{}: {error}", path.display()))?;
     }
     if !arguments.edits.is_empty() {
-        palette.write(arguments.out.as_ref().unwrap_or(path))?;
+        let out = arguments.out.as_ref().unwrap_or(path);
+        files::keep_former_palette(out, Some(&palette))?;
+        palette.write(out)?;
     }
     if let Some(image) = &arguments.image {
         files::write_image(image, &swatches::draw(&palette))?;
