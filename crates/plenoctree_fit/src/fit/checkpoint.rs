@@ -16,7 +16,7 @@ use super::{
 };
 
 /// The first bytes of a file, with its version.
-const MAGIC: &[u8; 8] = b"plenfit2";
+const MAGIC: &[u8; 8] = b"plenfit3";
 /// Largest number of voxels in a file.
 const MAX_VOXELS: u64 = 1 << 29;
 

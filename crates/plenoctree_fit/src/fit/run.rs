@@ -188,7 +188,7 @@ pub fn fit(
 
     progress.update(|status| (status.stage, status.fraction) = ("measuring".into(), 1.0));
     (report.fitted_psnr_db, report.suspicious) = suspicious(&model, &mut gallery, &numbers)?;
-    let limits = Limits { spacing: 0.7, most: settings.leaves, ..Limits::default() };
+    let limits = Limits { spacing: 0.7, most: settings.leaves, ..Limits::USUAL };
     let visible = visibility::visible(&model.grid, &gallery.cameras(), limits);
     let mut kept = settings.crop.map(|crop| cropped(&model.grid, &visible, &in_frame(crop)));
     if settings.keep_largest {
@@ -242,8 +242,8 @@ fn key(input: &FitInput, settings: &FitSettings) -> u64 {
 
 /// Returns the number of levels of a cube at which the finest cells are about half a pixel wide in its middle.
 fn depth_of(cameras: &[&ViewCamera], cube: Cube) -> u32 {
-    let middle = cube.low + 0.5 * cube.size;
-    let pixels = |camera: &&ViewCamera| cube.size * camera.lens.focal.x / camera.position.distance(middle).max(1e-9);
+    let distance = |camera: &ViewCamera| camera.position.distance(cube.middle()).max(1e-9);
+    let pixels = |camera: &&ViewCamera| cube.size * camera.lens.focal.x / distance(camera);
     let mean = cameras.iter().map(pixels).sum::<f64>() / cameras.len().max(1) as f64;
     ((2.0 * mean).log2().round() as u32).clamp(7, 9)
 }

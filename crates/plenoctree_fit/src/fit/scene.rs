@@ -19,6 +19,9 @@ const CLEAR: u8 = 3;
 const FEWEST_POINTS: usize = 50;
 /// Maximum number of known points that are searched for in a view.
 const MOST_POINTS: usize = 10_000;
+/// The nearest that a photograph of a whole scene shows anything, if no points are known, in distances of the camera from
+/// the focus.
+const NEAREST: f64 = 0.25;
 /// Number of times that the cube is enlarged to search again.
 const GROWTHS: usize = 3;
 
@@ -200,7 +203,7 @@ impl Votes {
 }
 
 /// Returns the distance from a camera below which its photograph shows nothing: nearer than the known points in view,
-/// or else than a ball around the focus that fits into the picture.
+/// or else than a quarter of the distance to the focus.
 fn nearest(camera: &ViewCamera, points: &[DVec3], focus: DVec3) -> f64 {
     let step = points.len().div_ceil(MOST_POINTS).max(1);
     let in_view = points.iter().step_by(step).filter(|point| camera.project(**point).is_some());
@@ -209,8 +212,7 @@ fn nearest(camera: &ViewCamera, points: &[DVec3], focus: DVec3) -> f64 {
         known.sort_unstable_by(f64::total_cmp);
         return 0.8 * known[known.len() / 50];
     }
-    let narrow = 0.5 * f64::from(camera.width.min(camera.height)) / camera.lens.focal.max_element();
-    camera.position.distance(focus) * (1.0 - narrow).max(0.25)
+    NEAREST * camera.position.distance(focus)
 }
 
 /// Returns how many of the views that see a voxel may show nothing there, because their poses may be wrong.

@@ -11,6 +11,15 @@ pub struct GridRay {
     direction: Vec3,
 }
 
+/// The part of a ray that is in a voxel, in cells.
+#[derive(Clone, Copy, Debug)]
+pub struct Crossing {
+    pub voxel: u32,
+    /// Distance from the ray's origin.
+    pub start: f32,
+    pub length: f32,
+}
+
 impl Grid {
     /// Converts a ray in the field's frame. `direction` is a unit vector.
     pub fn ray(&self, origin: DVec3, direction: DVec3) -> GridRay {
@@ -18,30 +27,29 @@ impl Grid {
         GridRay { origin: ((origin - self.cube.low) * scale).as_vec3(), direction: direction.as_vec3() }
     }
 
-    /// Calls `visit` with each voxel that the ray crosses, in order, and with the length of the ray inside it, in
-    /// cells. Stops when `visit` returns `false`.
+    /// Calls `visit` with each voxel that the ray crosses, in order. Stops when `visit` returns `false`.
     #[inline]
-    pub fn march(&self, ray: &GridRay, mut visit: impl FnMut(u32, f32) -> bool) {
-        // The voxel that the ray is in, and its length so far: a large voxel has several cells on the ray.
-        let (mut voxel, mut length) = (NO_VOXEL, 0.0);
-        self.march_cells(ray, |next, more| {
-            if next == voxel {
-                length += more;
+    pub fn march(&self, ray: &GridRay, mut visit: impl FnMut(Crossing) -> bool) {
+        const NOTHING: Crossing = Crossing { voxel: NO_VOXEL, start: 0.0, length: 0.0 };
+        // What the ray has crossed so far of the voxel that it is in: a large voxel has several cells on the ray.
+        let mut crossing = NOTHING;
+        self.march_cells(ray, |next| {
+            if next.voxel == crossing.voxel {
+                crossing.length += next.length;
                 return true;
             }
-            let goes_on = voxel == NO_VOXEL || visit(voxel, length);
-            (voxel, length) = if goes_on { (next, more) } else { (NO_VOXEL, 0.0) };
+            let goes_on = crossing.voxel == NO_VOXEL || visit(crossing);
+            crossing = if goes_on { next } else { NOTHING };
             goes_on
         });
-        if voxel != NO_VOXEL {
-            visit(voxel, length);
+        if crossing.voxel != NO_VOXEL {
+            visit(crossing);
         }
     }
 
-    /// Calls `visit` with the voxel of each cell that the ray crosses, in order, and with the length of the ray inside
-    /// the cell. Stops when `visit` returns `false`.
+    /// Calls `visit` with each cell of a voxel that the ray crosses, in order. Stops when `visit` returns `false`.
     #[inline]
-    fn march_cells(&self, ray: &GridRay, mut visit: impl FnMut(u32, f32) -> bool) {
+    fn march_cells(&self, ray: &GridRay, mut visit: impl FnMut(Crossing) -> bool) {
         const SMALL: f32 = 1e-7;
         let origin = ray.origin;
         let direction = Vec3::select(ray.direction.abs().cmplt(Vec3::splat(SMALL)), Vec3::splat(SMALL), ray.direction);
@@ -96,7 +104,7 @@ impl Grid {
                 let bit = (16 * place.x + 4 * place.y + place.z) as u32;
                 if brick.cells.filled >> bit & 1 == 1 {
                     let length = leave - t;
-                    if length > 0.0 && !visit(brick.voxel(bit), length) {
+                    if length > 0.0 && !visit(Crossing { voxel: brick.voxel(bit), start: t, length }) {
                         return;
                     }
                 }
@@ -165,7 +173,7 @@ mod tests {
 
     proptest! {
         /// Bricks, jumps over free space and steps from face to face find every voxel, whatever its size, that the ray
-        /// crosses by more than rounding, in order, with its length.
+        /// crosses by more than rounding, in order, with its distance and length.
         #[test]
         fn marches_cross_every_voxel(
             voxels in prop::collection::vec((0u32..32, 0u32..32, 0u32..32, 0u32..3), 1..200),
@@ -178,15 +186,16 @@ mod tests {
             let direction = (target - origin).normalize();
             let expected: Vec<_> = crossed(&grid, origin, direction).into_iter().filter(|hit| hit.2 > 1e-3).collect();
             let mut found = Vec::new();
-            grid.march(&grid.ray(origin, direction), |voxel, length| {
-                found.push((voxel, length));
+            grid.march(&grid.ray(origin, direction), |crossing| {
+                found.push(crossing);
                 true
             });
-            found.retain(|&(_, length)| length > 1e-3);
+            found.retain(|crossing| crossing.length > 1e-3);
             prop_assert_eq!(found.len(), expected.len());
             for (found, expected) in found.iter().zip(&expected) {
-                prop_assert_eq!(found.0, expected.1);
-                prop_assert!((f64::from(found.1) - expected.2).abs() < 1e-3);
+                prop_assert_eq!(found.voxel, expected.1);
+                prop_assert!((f64::from(found.start) * grid.cell_size() - expected.0).abs() < 1e-3);
+                prop_assert!((f64::from(found.length) - expected.2).abs() < 1e-3);
             }
         }
     }

@@ -9,4 +9,5 @@ mod march;
 mod sparse;
 
 pub use build::VoxelSet;
+pub use march::Crossing;
 pub use sparse::{Cube, Grid, NO_VOXEL, Voxel};

@@ -27,6 +27,13 @@ pub struct Voxel {
     pub size: u32,
 }
 
+impl Cube {
+    /// Returns the middle.
+    pub fn middle(self) -> DVec3 {
+        self.low + 0.5 * self.size
+    }
+}
+
 impl Voxel {
     /// The largest size.
     pub const LARGEST: u32 = BRICK;

@@ -2,8 +2,8 @@
 
 use glam::{DVec3, Vec3};
 
-/// Texels along each side of a learned backdrop.
-const SIDE: usize = 64;
+/// Texels along each side of a learned backdrop. With more, only a view or two see most of them.
+const SIDE: usize = 20;
 /// Decay of the mean square of its gradient.
 const DECAY: f32 = 0.9;
 

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     exponential::{exp_minus, sigmoid},
-    fit::grid::Grid,
+    fit::grid::{Crossing, Grid},
 };
 
 /// Width of a tile, in pixels.
@@ -94,6 +94,8 @@ struct Scratch {
     slots: Vec<u32>,
     base: u32,
     voxels: Vec<u32>,
+    /// How much the gradient of each voxel counts.
+    shares: Vec<f32>,
     colors: Vec<Vec4>,
     gradients: Vec<Vec4>,
     samples: Vec<Sample>,
@@ -115,6 +117,10 @@ pub struct Scene<'a> {
     pub gains: &'a [Vec3],
     /// What the squared error of the opacity counts, relative to that of a color channel. 0 if pictures do not know it.
     pub opacity: f32,
+    /// Whether gradients fade toward the camera from where the middle of the grid is, with the square of the distance.
+    /// Many more rays cross a voxel near a lens, but only those of one view. They would put clouds there that only
+    /// this view shows (Philip and Deschaintre 2023, Floaters No More).
+    pub fades_near: bool,
 }
 
 /// Renders the tiles and computes the gradients. `seed` chooses random backdrops.
@@ -169,25 +175,28 @@ fn render_tile<const B: usize>(scene: &Scene, tile: Tile, mut random: Random, sc
         _ => None,
     };
 
-    let Scratch { slots, base, voxels, colors, gradients, samples } = scratch;
+    let Scratch { slots, base, voxels, shares, colors, gradients, samples } = scratch;
     voxels.clear();
+    shares.clear();
     samples.clear();
     if *base > u32::MAX / 2 {
         slots.fill(0);
         *base = 1;
     }
+    let middle_distance = (view.camera.position.distance(grid.cube().middle()) / grid.cell_size()) as f32;
     let mut ends = [(0usize, 0.0f32); (TILE * TILE) as usize];
     let pixels = || (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y)));
     for ((x, y), end) in pixels().zip(&mut ends) {
         let direction = view.camera.direction(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
         let ray = grid.ray(view.camera.position, direction);
         let mut transmittance = 1.0f32;
-        grid.march(&ray, |voxel, length| {
+        grid.march(&ray, |Crossing { voxel, start, length }| {
             let mut slot = slots[voxel as usize].wrapping_sub(*base);
             if slot as usize >= voxels.len() {
                 slot = voxels.len() as u32;
                 slots[voxel as usize] = *base + slot;
                 voxels.push(voxel);
+                shares.push(if scene.fades_near { (start / middle_distance).powi(2).min(1.0) } else { 1.0 });
             }
             let through = exp_minus(grid.thickness[voxel as usize] * length);
             samples.push(Sample { slot, length, opacity: 1.0 - through, transmittance });
@@ -247,10 +256,11 @@ fn render_tile<const B: usize>(scene: &Scene, tile: Tile, mut random: Random, sc
     part.bases.push(stored);
     part.tiles.push(result);
     part.samples += samples.len() as u64;
-    part.unsorted.extend((voxels.iter().zip(gradients.iter())).map(|(&voxel, gradient)| VoxelGradient {
+    let found = voxels.iter().zip(shares.iter()).zip(gradients.iter());
+    part.unsorted.extend(found.map(|((&voxel, &share), &gradient)| VoxelGradient {
         voxel,
         tile: index,
-        gradient: gradient.to_array(),
+        gradient: (share * gradient).to_array(),
     }));
 }
 
@@ -266,7 +276,7 @@ pub fn render_ray(grid: &Grid, origin: DVec3, direction: DVec3) -> (Vec3, f32) {
     let y = Basis::Sh16.evaluate(direction);
     let functions = grid.functions();
     let (mut seen, mut transmittance) = (Vec4::ZERO, 1.0f32);
-    grid.march(&grid.ray(origin, direction), |voxel, length| {
+    grid.march(&grid.ray(origin, direction), |Crossing { voxel, length, .. }| {
         let through = exp_minus(grid.thickness[voxel as usize] * length);
         if through < 1.0 {
             let values = &grid.values[voxel as usize * functions..][..functions];
@@ -417,7 +427,15 @@ mod tests {
             let opacity = [0.0, 3.0][case % 2];
             // The view is the only one of this batch, and the second one of all.
             let (gains, backdrop_color) = ([Vec3::splat(3.0), gain], Backdrop::Color(backdrop));
-            let scene = Scene { grid: &grid, views: &views, backdrop: &backdrop_color, gains: &gains, opacity };
+            let backdrop_color = &backdrop_color;
+            let scene = Scene {
+                grid: &grid,
+                views: &views,
+                backdrop: backdrop_color,
+                gains: &gains,
+                opacity,
+                fades_near: false,
+            };
             render_batch(&scene, &tiles(), 0, &mut workspace);
             let mut found = vec![[0.0; 4]; grid.values.len()];
             for part in &workspace.parts {
@@ -448,5 +466,38 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// In front of the middle of the grid, gradients count as much as the square of the distance there, and beyond it,
+    /// all of them.
+    #[test]
+    fn gradients_fade_toward_the_camera() {
+        let (grid, view) = scene(&mut Random::new(3));
+        let position = view.camera.position;
+        let middle = position.distance(grid.cube().middle());
+        let (views, gains, backdrop) = ([view], [Vec3::ONE; 2], Backdrop::Color(Vec3::ONE));
+        let gradients = |fades_near| {
+            let mut workspace = Workspace::default();
+            let scene =
+                Scene { grid: &grid, views: &views, backdrop: &backdrop, gains: &gains, opacity: 0.0, fades_near };
+            render_batch(&scene, &tiles(), 0, &mut workspace);
+            workspace.parts.into_iter().flat_map(|part| part.gradients).collect::<Vec<_>>()
+        };
+        let voxels: Vec<Voxel> = grid.voxels().collect();
+        let (mut nearer, mut farther) = (0, 0);
+        for (whole, faded) in gradients(false).into_iter().zip(gradients(true)) {
+            assert_eq!((whole.voxel, whole.tile), (faded.voxel, faded.tile));
+            let voxel = voxels[whole.voxel as usize];
+            let reach = 0.9 * f64::from(voxel.size) * grid.cell_size();
+            let distance = position.distance(grid.center(voxel));
+            let share = |distance: f64| (distance / middle).powi(2).min(1.0);
+            for (whole, faded) in whole.gradient.map(f64::from).into_iter().zip(faded.gradient.map(f64::from)) {
+                let (low, high) = (share(distance - reach) * whole.abs(), share(distance + reach) * whole.abs());
+                assert!(faded * whole >= 0.0 && faded.abs() >= 0.999 * low && faded.abs() <= 1.001 * high);
+            }
+            nearer += u32::from(distance < middle - reach);
+            farther += u32::from(distance > middle + reach);
+        }
+        assert!(nearer > 5 && farther > 5, "{nearer} {farther}");
     }
 }

@@ -37,6 +37,11 @@ use super::{
 /// require the right opacity, too, but only on average.
 const OPACITY: f32 = 2.0;
 
+/// The least tiles after which gains are learned, in all and per view. Large photographs have more tiles than a stage
+/// trains on.
+const GAIN_TILES: usize = 8192;
+const TILES_PER_GAIN: usize = 64;
+
 /// Weight on some ray above which a voxel is visible enough to be there in the next stage.
 const VISIBLE: f32 = 0.01;
 
@@ -71,6 +76,9 @@ pub fn train(
     let mut thickness = Vec::new();
     let mut watched = 0.0;
     let mut average = Average::default();
+    let gain_tiles = GAIN_TILES.max(TILES_PER_GAIN * gallery.len());
+    let no_sums = vec![[Vec3::ZERO; 2]; gallery.len()];
+    let (mut sums, mut summed) = (no_sums.clone(), 0);
     'rounds: while !progress.is_stopped() && stage.fraction(position) < 1.0 {
         let views = gallery.next_round(random)?;
         let mut tiles = active_tiles(&model.grid, &views);
@@ -78,13 +86,10 @@ pub fn train(
             return Err(FitError::Empty);
         }
         random.shuffle(&mut tiles);
-        let mut sums = vec![[Vec3::ZERO; 2]; gallery.len()];
-        let mut ended = false;
         for tiles in tiles.chunks(stage.tiles) {
             position.seconds = before + start.elapsed().as_secs_f64();
             let fraction = stage.fraction(position);
             if progress.is_stopped() || fraction >= 1.0 {
-                ended = true;
                 break;
             }
             if let Some(&(at, most)) = stage.prune_at.get(position.prunings)
@@ -97,12 +102,14 @@ pub fn train(
                 average = Average::default();
                 continue 'rounds;
             }
+            let knows_opacity = matches!(model.backdrop, Backdrop::Random);
             let scene = Scene {
                 grid: &model.grid,
                 views: &views,
                 backdrop: &model.backdrop,
                 gains: &model.gains,
-                opacity: if matches!(model.backdrop, Backdrop::Random) { OPACITY } else { 0.0 },
+                opacity: if knows_opacity { OPACITY } else { 0.0 },
+                fades_near: !knows_opacity,
             };
             render_batch(&scene, tiles, random.bits(), &mut workspace);
             let optimizer = Optimizer { rates: stage.rates(fraction), ..stage.optimizer };
@@ -120,14 +127,16 @@ pub fn train(
                 position.rays += u64::from(tile.rays);
                 (0..2).for_each(|index| sums[number][index] += tile.gain[index]);
             }
+            summed += tiles.len();
+            if stage.learns_gains && summed >= gain_tiles {
+                learn_gains(&mut model.gains, &sums);
+                (sums, summed) = (no_sums.clone(), 0);
+            }
             position.samples += workspace.parts.iter().map(|part| part.samples).sum::<u64>();
             if fraction >= watched {
                 watch(model, position, fraction, random)?;
                 watched = fraction + 0.02;
             }
-        }
-        if stage.learns_gains && !ended {
-            learn_gains(&mut model.gains, &sums);
         }
     }
     average.apply(&mut model.grid);
@@ -135,8 +144,8 @@ pub fn train(
     Ok(())
 }
 
-/// Moves the gains halfway to the best ones of this round, and keeps their geometric mean at 1. `sums` are those of the
-/// photographed and the rendered colors of each view.
+/// Moves the gains halfway to the best ones for the last tiles, and keeps their geometric mean at 1. `sums` are those of
+/// the photographed and the rendered colors of each view.
 fn learn_gains(gains: &mut [Vec3], sums: &[[Vec3; 2]]) {
     for (gain, [photographed, rendered]) in gains.iter_mut().zip(sums) {
         if rendered.min_element() > 1.0 {
@@ -156,7 +165,7 @@ fn active_tiles(grid: &Grid, views: &[TrainView]) -> Vec<Tile> {
         let sees = |x: u32, y: u32| {
             let pixel = DVec2::new(x.min(camera.width - 1).into(), y.min(camera.height - 1).into()) + 0.5;
             let mut any = false;
-            grid.march(&grid.ray(camera.position, camera.direction(pixel)), |_, _| {
+            grid.march(&grid.ray(camera.position, camera.direction(pixel)), |_| {
                 any = true;
                 false
             });

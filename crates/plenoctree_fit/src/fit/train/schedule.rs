@@ -86,11 +86,8 @@ impl Schedule {
         let count = (depth - COARSEST.ilog2() + 1) as usize;
         let work = |index: usize| RAYS[index] * COSTS[index];
         let total: f64 = (0..count).map(work).sum();
-        let penalties = if opaque {
-            Penalties { variation: 5e-3, presence: 1e-4, direction: 1e-3, color: 0.0 }
-        } else {
-            Penalties { variation: 1e-3, presence: 1e-4, direction: 1e-4, color: 0.0 }
-        };
+        let variation = if opaque { 2e-2 } else { 1e-3 };
+        let penalties = Penalties { variation, presence: 1e-4, direction: 1e-4, color: 0.0 };
         let more = settings.leaves.saturating_add(settings.leaves / 4);
         let stages = (0..count)
             .map(|index| Stage {
@@ -103,7 +100,7 @@ impl Schedule {
                     // Later, some of them are no longer visible.
                     _ => vec![(0.1, more), (0.4, more), (0.85, settings.leaves)],
                 },
-                prune_below: Limits::default(),
+                prune_below: Limits { removes_clouds: opaque, ..Limits::USUAL },
                 most_split: settings.leaves.saturating_mul(OVERFULL),
                 adds_neighbors: !opaque,
                 average_from: Some(AVERAGE_FROM),
@@ -185,7 +182,7 @@ impl Stage {
         Self {
             rays: (SIMPLIFYING_RAYS * 1e6 * effort) as u64,
             prune_at: vec![(0.0, usize::MAX), (0.35, usize::MAX)],
-            prune_below: Limits::default(),
+            prune_below: Limits::USUAL,
             optimizer: Optimizer { penalties, ..stage.optimizer },
             ..stage
         }

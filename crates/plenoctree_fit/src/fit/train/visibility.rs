@@ -2,14 +2,14 @@
 
 use std::sync::Mutex;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::gallery::TrainView;
 use crate::{
     exponential::exp_minus,
     fit::{
-        grid::{Grid, Voxel, VoxelSet},
+        grid::{Crossing, Grid, Voxel, VoxelSet},
         input::ViewCamera,
     },
 };
@@ -22,6 +22,16 @@ const MANY: f64 = 400.0;
 const SEEN_EVERY: u32 = 4;
 /// The unit of their sums, which are whole numbers so that the order of rays does not matter.
 const SEEN_UNIT: f32 = 1.0 / 256.0;
+/// A cloud may end one in so many rays of a camera.
+const FEW: usize = 20;
+/// What a camera sees that is nearer than this share of the distance at which its other rays end may be a cloud.
+const CLEAR_IN_VIEW: f64 = 0.8;
+/// The same for anything near it, and the distance at which the rays of most cameras end.
+const CLEAR_AROUND: f64 = 0.6;
+/// One in so many cameras must see something for it not to be a cloud.
+const WITNESSES: usize = 20;
+/// The fewest of them.
+const FEWEST_WITNESSES: usize = 3;
 /// The number of rays that see a voxel that none of them crosses: rays in between may.
 const UNSEEN: f32 = 0.01;
 
@@ -41,19 +51,24 @@ pub struct Limits {
     pub spacing: f64,
     /// The most voxels to keep: those with the largest weights.
     pub most: usize,
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        let weights = [0.03, 0.01, 3e-3, 1e-3];
-        Self { weights, loss: 0.04, thick_weight: 2e-5, thick: 0.05, spacing: 1.0, most: usize::MAX }
-    }
+    /// Whether clouds in front of lenses are removed.
+    pub removes_clouds: bool,
 }
 
 impl Limits {
+    /// For training.
+    pub const USUAL: Self = Self {
+        weights: [0.03, 0.01, 3e-3, 1e-3],
+        loss: 0.04,
+        thick_weight: 2e-5,
+        thick: 0.05,
+        spacing: 1.0,
+        most: usize::MAX,
+        removes_clouds: false,
+    };
+
     /// For fields that are already right: removes only what is hardly visible.
-    pub const FAINTEST: Self =
-        Self { weights: [1e-3; 4], loss: 0.04, thick_weight: 2e-5, thick: 0.05, spacing: 1.0, most: usize::MAX };
+    pub const FAINTEST: Self = Self { weights: [1e-3; 4], ..Self::USUAL };
 
     /// Returns whether a voxel is worth keeping.
     fn keep(&self, limit: f32, weight: f32, thickness: f32) -> bool {
@@ -127,6 +142,91 @@ fn gathered<V: Sync, T: Copy + Default + Send>(
     all
 }
 
+/// The space in front of a lens in which there are only clouds, unless other cameras see the same. Such clouds show the
+/// picture of this camera alone, even if its pose is wrong.
+struct Clear<'a> {
+    camera: &'a ViewCamera,
+    /// Distance of the camera from the middle of the grid.
+    to_middle: f64,
+    /// Distance from the camera up to which there is nothing on the side of the middle.
+    around: f64,
+    /// The same for what the camera sees.
+    in_view: f64,
+}
+
+impl<'a> Clear<'a> {
+    /// Finds the clear space of all cameras from where their rays end.
+    fn of(grid: &Grid, cameras: &[&'a ViewCamera]) -> Vec<Self> {
+        let near_end = |camera: &&ViewCamera| {
+            let mut ends: Vec<f32> = Vec::new();
+            for pixel in pixels(grid, camera, 4.0, sparseness(cameras.len())) {
+                let mut transmittance = 1.0f32;
+                grid.march(&grid.ray(camera.position, camera.direction(pixel)), |Crossing { voxel, start, length }| {
+                    transmittance *= exp_minus(grid.thickness[voxel as usize] * length);
+                    if transmittance < 0.5 {
+                        ends.push(start);
+                    }
+                    transmittance >= 0.5
+                });
+            }
+            ends.sort_unstable_by(f32::total_cmp);
+            ends.get(ends.len() / FEW).map(|cells| f64::from(*cells) * grid.cell_size())
+        };
+        let near_ends: Vec<Option<f64>> = cameras.par_iter().map(near_end).collect();
+        let to_middle = |camera: &ViewCamera| camera.position.distance(grid.cube().middle()).max(1e-9);
+        let ratio = |(camera, end): (&&ViewCamera, &Option<f64>)| end.map(|end| end / to_middle(camera));
+        let mut ratios: Vec<f64> = cameras.iter().zip(&near_ends).filter_map(ratio).collect();
+        ratios.sort_unstable_by(f64::total_cmp);
+        let usual = ratios.get(ratios.len() / 2).copied().unwrap_or_default();
+        let clear = |(camera, end): (&&'a ViewCamera, &Option<f64>)| Self {
+            camera: *camera,
+            to_middle: to_middle(camera),
+            around: CLEAR_AROUND * usual * to_middle(camera),
+            in_view: CLEAR_IN_VIEW * end.unwrap_or_default(),
+        };
+        cameras.iter().zip(&near_ends).map(clear).collect()
+    }
+
+    /// Returns whether it contains a voxel.
+    fn contains(&self, grid: &Grid, voxel: Voxel) -> bool {
+        let center = grid.center(voxel);
+        let distance = self.camera.position.distance(center);
+        let half = 0.5 * f64::from(voxel.size) * grid.cell_size();
+        let sign = |index: u32, axis: u32| if index >> axis & 1 == 1 { half } else { -half };
+        let corner = |index| center + DVec3::new(sign(index, 0), sign(index, 1), sign(index, 2));
+        distance < self.around && center.distance(grid.cube().middle()) < self.to_middle
+            || distance < self.in_view && (0..8).any(|index| self.camera.project(corner(index)).is_some())
+    }
+}
+
+/// Returns whether each voxel is a cloud in front of a lens: it is in the clear space of a camera, and few cameras see it
+/// nearer than the middle of the grid with more than this weight.
+fn clouds(grid: &Grid, cameras: &[&ViewCamera], limit: f32) -> Vec<bool> {
+    let clear = Clear::of(grid, cameras);
+    let voxels: Vec<Voxel> = grid.voxels().collect();
+    let numbered: Vec<(u32, &Clear)> = (1..).zip(&clear).collect();
+    // The number of cameras that see a voxel, and the last of them.
+    let look = |(number, clear): &(u32, &Clear), seen: &mut [(u32, u32)]| {
+        for pixel in pixels(grid, clear.camera, 1.0, sparseness(cameras.len())) {
+            march(grid, clear.camera, pixel, |voxel, _, weight| {
+                let (count, last) = &mut seen[voxel as usize];
+                if weight > limit && *last != *number {
+                    *last = *number;
+                    let voxel = voxels[voxel as usize];
+                    let distance = clear.camera.position.distance(grid.center(voxel));
+                    *count += u32::from(distance < clear.to_middle);
+                }
+            });
+        }
+    };
+    let seen = gathered(grid, &numbered, look, |a, b| (a.0 + b.0, 0));
+    let needed = (cameras.len() / WITNESSES).max(FEWEST_WITNESSES) as u32;
+    let is_cloud = |(voxel, (count, _)): (&Voxel, (u32, u32))| {
+        count < needed && clear.iter().any(|clear| clear.contains(grid, *voxel))
+    };
+    voxels.par_iter().zip(seen).map(is_cloud).collect()
+}
+
 /// Returns how many times farther apart the rays of this number of cameras are.
 fn sparseness(cameras: usize) -> f64 {
     (cameras as f64 / MANY).max(1.0).sqrt()
@@ -135,8 +235,8 @@ fn sparseness(cameras: usize) -> f64 {
 /// Returns the points of the picture whose rays are about `spacing` cells apart in the middle of the grid, or
 /// `sparseness` times that.
 fn pixels(grid: &Grid, camera: &ViewCamera, spacing: f64, sparseness: f64) -> impl Iterator<Item = DVec2> {
-    let middle = grid.cube().low + 0.5 * grid.cube().size;
-    let pixels = spacing * grid.cell_size() * camera.lens.focal.x / camera.position.distance(middle).max(1e-9);
+    let distance = camera.position.distance(grid.cube().middle()).max(1e-9);
+    let pixels = spacing * grid.cell_size() * camera.lens.focal.x / distance;
     let step = (pixels.clamp(0.1, 4.0) * sparseness).min(camera.width.min(camera.height).into());
     let count = move |size: u32| (f64::from(size) / step) as u32;
     let every = move |size: u32| (0..count(size)).map(move |index| (f64::from(index) + 0.5) * step);
@@ -147,7 +247,7 @@ fn pixels(grid: &Grid, camera: &ViewCamera, spacing: f64, sparseness: f64) -> im
 /// Calls `visit` with the voxels that a ray sees, the transmittance of what is in front of them, and their weights.
 fn march(grid: &Grid, camera: &ViewCamera, pixel: DVec2, mut visit: impl FnMut(u32, f32, f32)) {
     let mut transmittance = 1.0f32;
-    grid.march(&grid.ray(camera.position, camera.direction(pixel)), |voxel, length| {
+    grid.march(&grid.ray(camera.position, camera.direction(pixel)), |Crossing { voxel, length, .. }| {
         let through = exp_minus(grid.thickness[voxel as usize] * length);
         visit(voxel, transmittance, transmittance * (1.0 - through));
         transmittance *= through;
@@ -188,9 +288,10 @@ fn limit(grid: &Grid, cameras: &[&ViewCamera], weights: &[f32], limits: &Limits)
 pub fn visible(grid: &Grid, cameras: &[&ViewCamera], limits: Limits) -> VoxelSet {
     let weights = largest_weights(grid, cameras, limits.spacing);
     let limit = limit(grid, cameras, &weights, &limits);
-    let mut kept: Vec<(Voxel, f32)> = (grid.voxels().zip(weights).zip(&grid.thickness))
-        .filter(|((_, weight), thickness)| limits.keep(limit, *weight, **thickness))
-        .map(|(kept, _)| kept)
+    let clouds = if limits.removes_clouds { clouds(grid, cameras, limit) } else { vec![false; grid.len()] };
+    let mut kept: Vec<(Voxel, f32)> = (grid.voxels().zip(weights).zip(&grid.thickness).zip(clouds))
+        .filter(|(((_, weight), thickness), is_cloud)| limits.keep(limit, *weight, **thickness) && !is_cloud)
+        .map(|((kept, _), _)| kept)
         .collect();
     kept.sort_by(|(_, a), (_, b)| b.total_cmp(a));
     VoxelSet::of(grid.resolution(), kept.into_iter().take(limits.most).map(|(voxel, _)| voxel))
@@ -232,7 +333,7 @@ mod tests {
     fn haze_goes_and_clouds_stay() {
         let count = |thickness: &dyn Fn(UVec3) -> f32| {
             let grid = grid(thickness);
-            let kept = visible(&grid, &[&camera()], Limits { spacing: 0.5, ..Limits::default() });
+            let kept = visible(&grid, &[&camera()], Limits { spacing: 0.5, ..Limits::USUAL });
             (kept.voxels().count(), grid.voxels().filter(|voxel| voxel.corner.z > 10).count())
         };
         let wall = |at: UVec3| if at.z == 10 { 40.0 } else { 0.0 };
@@ -246,7 +347,7 @@ mod tests {
     #[test]
     fn the_most_visible_are_kept() {
         let grid = grid(|at| if at.z >= 40 { 0.5 } else { 0.0 });
-        let kept = visible(&grid, &[&camera()], Limits { spacing: 0.5, most: 1000, ..Limits::default() });
+        let kept = visible(&grid, &[&camera()], Limits { spacing: 0.5, most: 1000, ..Limits::USUAL });
         assert_eq!(kept.voxels().count(), 1000);
         assert!(kept.voxels().all(|voxel| voxel.corner.z >= 58));
     }
@@ -281,6 +382,37 @@ mod tests {
         assert!((ratio - 2.0).abs() < 0.2, "{ratio}");
     }
 
+    /// A camera that looks at the origin from this direction, 1.2 units away.
+    fn near(turn: f64, up: f64) -> ViewCamera {
+        let rotation = DMat3::from_rotation_y(turn) * DMat3::from_rotation_x(-up);
+        let lens = Lens { focal: DVec2::splat(60.0), center: DVec2::splat(32.0), distortion: Distortion::None };
+        ViewCamera::undistorted(64, 64, lens, rotation, 1.2 * rotation.z_axis)
+    }
+
+    /// Of what is near a lens, only what other cameras do not see is a cloud.
+    #[test]
+    fn clouds_in_front_of_lenses_are_removed() {
+        let cameras: Vec<_> = (0..12).map(|index| near(f64::from(index) * 0.5, 0.8)).collect();
+        let at = |position: UVec3| (position.as_dvec3() + 0.5) / 32.0 - 1.0;
+        let cloud = |at: DVec3| at.distance(0.8 * cameras[4].position) < 0.1;
+        // It fills less than a twentieth of the pictures, and is nearer than the ground, which fills the rest.
+        let ball = |at: DVec3| at.distance(DVec3::new(0.0, 0.15, 0.0)) < 0.1;
+        let ground = |at: DVec3| at.y < -0.5;
+        let grid =
+            grid(|cell| if [cloud(at(cell)), ball(at(cell)), ground(at(cell))].contains(&true) { 3.0 } else { 0.0 });
+        let count = |removes_clouds: bool, is_part: &dyn Fn(DVec3) -> bool| {
+            let set = visible(&grid, &cameras.iter().collect::<Vec<_>>(), Limits { removes_clouds, ..Limits::USUAL });
+            set.voxels().filter(|voxel| is_part(grid.center(*voxel))).count()
+        };
+        let (all, left) = (count(false, &cloud), count(true, &cloud));
+        assert!(all > 50 && left == 0, "{left} of {all}");
+        for part in [&ball as &dyn Fn(DVec3) -> bool, &ground] {
+            let (all, left) = (count(false, part), count(true, part));
+            // Few cameras see the rest of the ball, which is below.
+            assert!(all > 50 && left * 10 > all * 9, "{left} of {all}");
+        }
+    }
+
     /// Thousands of cameras cast about as many rays as hundreds, and see about the same voxels.
     #[test]
     fn many_cameras_take_no_longer() {
@@ -295,7 +427,7 @@ mod tests {
         let seen = |count: usize| {
             let cameras: Vec<_> = (0..count).map(|index| around(index, count)).collect();
             let rays: usize = cameras.iter().map(|camera| pixels(&grid, camera, 1.0, sparseness(count)).count()).sum();
-            let set = visible(&grid, &cameras.iter().collect::<Vec<_>>(), Limits::default());
+            let set = visible(&grid, &cameras.iter().collect::<Vec<_>>(), Limits::USUAL);
             (rays, set.voxels().collect::<Vec<_>>())
         };
         let ((few_rays, few), (many_rays, many)) = (seen(400), seen(6400));
