@@ -66,7 +66,7 @@ fn behind_at(pixel: vec2<u32>, beside: vec2<u32>) -> Behind {
     }
     let owners = textureLoad(outline, pixel, 0).xy;
     let thinned = textureLoad(own_rays, pixel, 0);
-    // See `thinned` of `coverage.wgsl`.
+    // See `thinned` of `edge.wgsl`.
     if value.owner == 0u && owners.x == 0u && owners.y > 0u && thinned.a > 0.0 {
         behind.composite = max(thinned.rgb + thinned.a * value.color, vec3(0.0));
         var thin = behind.composite;
@@ -90,6 +90,8 @@ struct Around {
     is_known: bool,
     // What the others show, in linear light, with opacity: the sum, weighted by `BESIDE` and `ACROSS`.
     shown: vec4<f32>,
+    // What the one shows that sees most of an owner.
+    most: vec4<f32>,
     // The weights of all but those.
     rest: f32,
 }
@@ -102,8 +104,9 @@ const ACROSS: f32 = 0.025;
 const NEIGHBORS: f32 = 4.0 * (BESIDE + ACROSS);
 
 fn around(pixel: vec2<u32>, owners: vec2<u32>, ink: vec2<f32>) -> Around {
-    var found = Around(Behind(vec4(0.0), vec4(0.0), vec3(0.0)), false, vec4(0.0), NEIGHBORS);
+    var found = Around(Behind(vec4(0.0), vec4(0.0), vec3(0.0)), false, vec4(0.0), vec4(0.0), NEIGHBORS);
     var total = 0.0;
+    var most = 0.0;
     for (var i = 0; i < 8; i++) {
         let at = vec2<u32>(neighbor(vec2<i32>(pixel), i));
         if is_drawn(at) {
@@ -120,8 +123,12 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>, ink: vec2<f32>) -> Around {
                 total += weight;
             } else {
                 let near = select(BESIDE, ACROSS, i > 3);
-                found.shown += near * with_ink(own, there.shown, select(ink.y, ink.x, own == owners.x));
+                let shown = with_ink(own, there.shown, select(ink.y, ink.x, own == owners.x));
+                found.shown += near * shown;
                 found.rest -= near;
+                let opacity = textureLoad(layer, at, 0).a;
+                found.most = select(found.most, shown, opacity > most);
+                most = max(most, opacity);
             }
         }
     }
@@ -255,17 +262,22 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         }
     }
     // What parts of props show, and how much what is behind them and the center count.
+    var at_center = behind.shown;
+    if owners.x > 0u {
+        at_center = with_ink(owners.x, center.shown, ink.x);
+    }
     var own_parts = vec4(0.0);
     var of_behind = f32(parts.rest);
     var of_center = 0.0;
     if parts.own > 0u {
         let rays = own * f32(RAYS) / f32(countOneBits(bits.r));
-        own_parts += f32(parts.own) * posterized(pixel, rays, owners.x, behind, ink.x);
+        own_parts += f32(parts.own) * select(at_center, posterized(pixel, rays, owners.x, behind, ink.x), rays.a > 0.0);
     }
     if parts.other > 0u {
         let rays = other * f32(RAYS) / f32(countOneBits(bits.b));
         let owner = select(owners.x, owners.y, has_other);
-        own_parts += f32(parts.other) * posterized(pixel, rays, owner, behind, select(ink.x, ink.y, has_other));
+        let seen = posterized(pixel, rays, owner, behind, select(ink.x, ink.y, has_other));
+        own_parts += f32(parts.other) * select(around.most, seen, rays.a > 0.0);
     }
     var total = f32(count);
     if bits.a == 0u {
@@ -278,10 +290,6 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
             of_behind += ray * around.rest;
             total += ray * NEIGHBORS;
         }
-    }
-    var at_center = behind.shown;
-    if owners.x > 0u {
-        at_center = with_ink(owners.x, center.shown, ink.x);
     }
     var sum = (own_parts + of_behind * behind.shown + of_center * at_center) / max(total, 1.0);
 #ifdef RESOLVED

@@ -3,7 +3,7 @@
 
 #import bevy_plenoctree::filter_texel::{pack, pack_filtered}
 #ifdef OUTLINE
-#import bevy_plenoctree::edge_owners::{mask_of, owners_at}
+#import bevy_plenoctree::edge_owners::edge_at
 #endif
 #import bevy_plenoctree::target::composited
 #import bevy_plenoctree::view::{filters, owner_of, screen, view}
@@ -18,7 +18,7 @@
 struct Fragment {
     @location(0) texel: vec4<u32>,
 #ifdef OUTLINE
-    // The result of `owners_at`.
+    // See `Edge`.
     @location(1) owners: vec2<u32>,
     @builtin(frag_depth) mask: f32,
 #endif
@@ -42,8 +42,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let texel = pack(color, posterized);
 #endif
 #ifdef OUTLINE
-    let owners = owners_at(layer, owner, depth, vec2<i32>(pixel));
-    return Fragment(texel, owners, mask_of(owners, textureLoad(depth, pixel, 0)));
+    let edge = edge_at(layer, owner, depth, vec2<i32>(pixel));
+    return Fragment(texel, edge.owners, edge.mask);
 #else
     return Fragment(texel);
 #endif

@@ -2,7 +2,7 @@
 // the pixel the prop covers, and its color there.
 
 #import bevy_plenoctree::color::to_half
-#import bevy_plenoctree::edge::{FAINTEST, RAYS, neighbor, offset_of_four, ray_offset, rays_of, sample_of}
+#import bevy_plenoctree::edge::{FAINTEST, RAYS, neighbor, offset_of_four, ray_offset, rays_of, sample_of, thinned}
 #import bevy_plenoctree::octree::{begin, density, field, has_ended, next_leaf}
 #import bevy_plenoctree::prop_ray::{position_of, ray_at}
 #import bevy_plenoctree::radiance::{Harmonics, harmonics, radiance}
@@ -17,7 +17,7 @@
 @group(2) @binding(2) var depth: texture_depth_2d;
 #ifdef OF_OTHERS
 // Where the rays reach the owner of the pixel. See `packed`.
-@group(2) @binding(3) var own_places: texture_2d<u32>;
+@group(2) @binding(4) var own_places: texture_2d<u32>;
 #endif
 
 // What a ray sees of a prop.
@@ -102,13 +102,6 @@ fn prop_slope(pixel: vec2<i32>, own: u32, here: f32) -> vec2<f32> {
         slope(prop_value(left, right, own, here), here, prop_value(right, left, own, here)),
         slope(prop_value(up, down, own, here), here, prop_value(down, up, own, here)),
     );
-}
-
-// Where the center of a pixel and the rays that are not covered see a thin part of a prop, returns how to replace the
-// color of the center with that of the rays: multiply by the last channel, then add the color, in encoded sRGB.
-fn thinned(center: vec4<f32>, rays: vec4<f32>) -> vec4<f32> {
-    let factor = (1.0 - rays.a) / max(1.0 - center.a, 1e-2);
-    return vec4(rays.rgb - factor * center.rgb, factor);
 }
 
 // How far in front of the solid pixels around it a ray begins, in finest cells.
@@ -214,7 +207,8 @@ struct Fragment {
     // owner, those that see the second color.
     // a: the samples of the scene, one bit per sample, where something else is in front of the prop.
     @location(0) bits: vec4<f32>,
-    // What the rays in r and in b see, as in `Color`. If the pixel has no owner, `own` is the result of `thinned`.
+    // What the rays in r and in b see, as in `Color`. 0 if there were no rays: see `estimate.wgsl`. If the pixel has no owner,
+    // `own` is the result of `thinned`.
     @location(1) own: vec4<f32>,
 #ifdef OF_OWNERS
     // Where the rays reach the prop, as `place_of` says. 0 if they do not.
@@ -241,6 +235,10 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
 #else
     let is_drawn = is_own || owners.y == index + 1u;
 #endif
+    if !is_drawn {
+        // Do not discard: Mesa's software rasterizer blends the pixels of such passes even where the depth test fails.
+        return Fragment();
+    }
 
     // What is seen at the center of the pixel, if that is another prop.
     let own = owner_of(textureLoad(owner, pixel, 0));
@@ -279,8 +277,7 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
 #ifdef OF_OWNERS
     var places = vec4(0u);
 #endif
-    let marched = select(0u, rays, is_drawn);
-    for (var ray = 0u; ray < marched; ray++) {
+    for (var ray = 0u; ray < rays; ray++) {
         var bits = 1u << ray;
         var offset = ray_offset(ray);
         if rays < RAYS {
@@ -352,10 +349,6 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
                 own_color = thinned(center.color, thin * f32(RAYS) / f32(others));
             }
         }
-    }
-    if !is_drawn {
-        // Do not discard: Mesa's software rasterizer blends the pixels of such passes even where the depth test fails.
-        return Fragment();
     }
     return Fragment(
         vec4<f32>(bits) / 255.0,

@@ -5,6 +5,13 @@
 const RAYS: u32 = 8u;
 // Where less light comes through, it does not show. Rays stop there, unless they do not count as covered yet.
 const FAINTEST: f32 = 0.08;
+
+// What the mask of edges holds where props are, at edges that follow from opacity, and at those that need rays. It is 0
+// elsewhere. The depth test of passes compares with it: these are integers in its 16 bits.
+const MASK_OF_PROPS: f32 = 0.2;
+const MASK_OF_ESTIMATES: f32 = 0.6;
+const MASK_OF_RAYS: f32 = 1.0;
+
 const ALL_SAMPLES: u32 = 0xffffffffu;
 
 // Returns one of the eight neighbors of a pixel. The first four share a side with it.
@@ -54,6 +61,13 @@ fn rays_of(sample: u32, samples: u32) -> u32 {
 // Returns the bits of a pixel's rays, as in `coverage.wgsl`. That pass writes nothing where there is no edge.
 fn bits_of(owners: vec2<u32>, coverage: vec4<f32>) -> vec4<u32> {
     return select(vec4(0u), vec4<u32>(coverage * 255.0 + 0.5), any(owners > vec2(0u)));
+}
+
+// Where the center of a pixel and the rays that are not covered see a thin part of a prop, returns how to replace the
+// color of the center with that of the rays: multiply by the last channel, then add the color, in encoded sRGB.
+fn thinned(center: vec4<f32>, rays: vec4<f32>) -> vec4<f32> {
+    let factor = (1.0 - rays.a) / max(1.0 - center.a, 1e-2);
+    return vec4(rays.rgb - factor * center.rgb, factor);
 }
 
 // The parts of a pixel at the edge of a prop.

@@ -1,8 +1,20 @@
 // Finds the pixels at the edges of posterized props, and the props that may cover parts of them.
 #define_import_path bevy_plenoctree::edge_owners
 
-#import bevy_plenoctree::edge::neighbor
-#import bevy_plenoctree::view::{SMOOTHS_NOTHING, SMOOTHS_SLITS, is_drawn, is_solid, owner_of, props, screen, unpack_owner}
+#import bevy_plenoctree::edge::{MASK_OF_ESTIMATES, MASK_OF_PROPS, MASK_OF_RAYS, neighbor}
+#import bevy_plenoctree::edge_opacity::{is_cut, opacity_around}
+#import bevy_plenoctree::view::{
+    SMOOTHS_NOTHING, SMOOTHS_SLITS, is_drawn, is_solid, owner_of, props, screen, unpack_owner, view,
+}
+
+// A pixel, and whether it is at an edge.
+struct Edge {
+    // The owner of the pixel, and the nearest other owner of a neighbor. 0 if there is none, or its edges stay hard. Both
+    // are 0 away from edges.
+    owners: vec2<u32>,
+    // What the depth test of later passes compares with.
+    mask: f32,
+}
 
 fn smooths(owner: u32) -> bool {
     return owner > 0u && props[max(owner, 1u) - 1u].smooths > SMOOTHS_NOTHING;
@@ -26,17 +38,18 @@ fn is_at_slit(layer: texture_2d<f32>, pixel: vec2<i32>) -> bool {
     return 2.0 * least < transmittance;
 }
 
-// Returns the owner of a pixel at an edge, and the nearest other owner of a neighbor. 0 if there is none, or its edges stay
-// hard. Both are 0 away from edges.
-fn owners_at(
+fn edge_at(
     layer: texture_2d<f32>,
     owner: texture_2d<f32>,
     depth: texture_depth_2d,
     pixel: vec2<i32>,
-) -> vec2<u32> {
+) -> Edge {
     let texel = textureLoad(owner, pixel, 0);
     let own = owner_of(texel);
     let owned = unpack_owner(texel);
+    let solid_here = textureLoad(depth, pixel, 0);
+    // A posterized view shows all of its pixels.
+    let inside = select(0.0, MASK_OF_PROPS, solid_here > 0.0 || screen.view_posterize > 0u);
     var differs = false;
     for (var i = 0; i < 8; i++) {
         let at = neighbor(pixel, i);
@@ -63,20 +76,22 @@ fn owners_at(
     }
     if own == 0u && other > 0u && textureLoad(layer, pixel, 0).a >= props[other - 1u].min_opacity {
         // A prop as trained covers the pixel. If it is solid there, the coverage pass knows what is in front of it.
-        other = select(0u, other, is_solid(textureLoad(depth, pixel, 0)));
+        other = select(0u, other, is_solid(solid_here));
     }
     let kept = select(0u, own, smooths(own));
+    let owners = vec2(kept, other);
     let may_have_slits = kept > 0u && props[max(kept, 1u) - 1u].smooths == SMOOTHS_SLITS;
     ends = ends || (may_have_slits && is_at_slit(layer, pixel));
-    if !ends || (kept == 0u && other == 0u) {
-        return vec2(0u);
+    if !ends || all(owners == vec2(0u)) {
+        return Edge(vec2(0u), inside);
     }
-    return vec2(kept, other);
-}
-
-// Returns what the depth test of later passes compares with: whether a pixel is at an edge, or shows a prop at all, as all
-// pixels of a posterized view do.
-fn mask_of(owners: vec2<u32>, depth: f32) -> f32 {
-    let shows_prop = depth > 0.0 || screen.view_posterize > 0u;
-    return select(select(0.0, 0.5, shows_prop), 1.0, any(owners > vec2(0u)));
+    let estimates = view.estimates_edges == 1u;
+    let around = opacity_around(layer, owner, pixel, select(vec2(0u), owners, estimates));
+    if !around.is_known {
+        return Edge(owners, MASK_OF_RAYS);
+    }
+    if !is_cut(around) {
+        return Edge(vec2(0u), inside);
+    }
+    return Edge(owners, MASK_OF_ESTIMATES);
 }

@@ -1,5 +1,6 @@
 // One triangle that covers the view. Bind group 0 of passes that read Bevy's LIGHTS has nothing of the plugin.
 
+#import bevy_plenoctree::edge::{MASK_OF_ESTIMATES, MASK_OF_PROPS, MASK_OF_RAYS}
 #import bevy_plenoctree::view::{LEAST_DEPTH, NOWHERE, first_drawn, screen}
 
 struct Triangle {
@@ -16,9 +17,13 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
     }
 #endif
     // Passes that test the props' depth run only where a prop was drawn, or everywhere if the view is posterized. Those
-    // at edges test what `mask_of` of `edge_owners.wgsl` returns.
-#ifdef AT_EDGES
-    let depth = 0.75;
+    // at edges test their mask.
+#ifdef ESTIMATED
+    let depth = MASK_OF_ESTIMATES;
+#else ifdef WITH_RAYS
+    let depth = 0.5 * (MASK_OF_ESTIMATES + MASK_OF_RAYS);
+#else ifdef AT_EDGES
+    let depth = 0.5 * (MASK_OF_PROPS + MASK_OF_ESTIMATES);
 #else ifdef LIGHTS
     let depth = LEAST_DEPTH;
 #else

@@ -1,13 +1,13 @@
 // The outline pass: finds the pixels at the edges of props, where the composite pass does not.
 
-#import bevy_plenoctree::edge_owners::{mask_of, owners_at}
+#import bevy_plenoctree::edge_owners::edge_at
 
 @group(1) @binding(0) var layer: texture_2d<f32>;
 @group(1) @binding(1) var owner: texture_2d<f32>;
 @group(1) @binding(2) var depth: texture_depth_2d;
 
 struct Fragment {
-    // The result of `owners_at`.
+    // See `Edge`.
     @location(0) owners: vec2<u32>,
 #ifdef SEVERAL
     // As in `coverage.wgsl`, which adds to these.
@@ -22,7 +22,8 @@ struct Fragment {
 fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let pixel = vec2<i32>(position.xy);
     var marked = Fragment();
-    marked.owners = owners_at(layer, owner, depth, pixel);
-    marked.mask = mask_of(marked.owners, textureLoad(depth, pixel, 0));
+    let edge = edge_at(layer, owner, depth, pixel);
+    marked.owners = edge.owners;
+    marked.mask = edge.mask;
     return marked;
 }

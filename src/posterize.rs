@@ -90,9 +90,10 @@ pub struct Posterize {
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum EdgeSmoothing {
-    /// Several rays through each edge pixel ([`PropQuality::edge_rays`](crate::PropQuality::edge_rays)) find how much
-    /// of it the prop covers. The labels that they see are blended with what is behind by that share, in linear light,
-    /// like the edges of multisampled meshes. This is the default.
+    /// The labels of the prop are blended with what is behind by the share of an edge pixel that the prop covers, in
+    /// linear light, like the edges of multisampled meshes. The opacity around the pixel says how much that is
+    /// ([`PropQuality::estimates_edges`](crate::PropQuality::estimates_edges)), or else several rays through it do
+    /// ([`PropQuality::edge_rays`](crate::PropQuality::edge_rays)). This is the default.
     #[default]
     Coverage,
     /// The ray through the center of a pixel decides for the whole pixel, as the method specifies.

@@ -44,6 +44,7 @@ pub fn measure(end: Instant) -> Result {
     println!("| props | pixels | look | wall | GPU | rays | posterizing | frames |\n|---|---|---|---|---|---|---|---|");
     let mut last = Duration::ZERO;
     let mut left = (SIZES.len() * SCENES.len() * LOOKS.len()) as u32;
+    let mut passes = Passes::default();
     // If the time is up, the largest scenes are left out.
     for (name, scene) in SCENES {
         for size in SIZES {
@@ -65,10 +66,15 @@ pub fn measure(end: Instant) -> Result {
                 let [gpu, rays, posterizing] =
                     [times.gpu(), times.of(VOLUME_SPANS), times.of(POSTERIZE_SPANS)].map(milliseconds);
                 println!("{row} | {:.1} | {gpu} | {rays} | {posterizing} | {} |", times.wall, times.frames);
+                if size == SIZES[0] {
+                    passes.add(format!("{name}, {look}"), &times);
+                }
             }
         }
     }
-    println!("\n## Rays\n\nMeans of the exact rays of the first view that meet a prop's box, counted on the CPU.\n");
+    println!("\n## Passes of these scenes\n\nMilliseconds of the GPU.\n");
+    passes.print(SIZES[0]);
+    println!("## Rays\n\nMeans of the exact rays of the first view that meet a prop's box, counted on the CPU.\n");
     println!("| field | {} |\n|---|{}", Rays::COLUMNS, "---|".repeat(Rays::COLUMNS.split('|').count()));
     for (file, field) in files().iter().zip(&fields) {
         let field = headless.app.world().resource::<Assets<PlenOctree>>().get(field).ok_or("the field is gone")?;
@@ -87,29 +93,50 @@ pub fn passes(end: Instant) -> Result {
     let mut left = (SIZES.len() * looks.len()) as u32;
     for size in SIZES {
         headless.resize(size);
-        let mut passes: BTreeMap<String, [Option<f64>; 3]> = BTreeMap::new();
-        for (index, (_, look)) in looks.iter().enumerate() {
-            show(&mut headless, camera, &fields, Scene::Whole, size, *look)?;
+        let mut passes = Passes::default();
+        for (name, look) in looks {
+            show(&mut headless, camera, &fields, Scene::Whole, size, look)?;
             headless.wait_until_ready(PATIENCE)?;
             let now = Instant::now();
             let share = end.saturating_duration_since(now) / left;
             left -= 1;
-            let times = Times::measure(&mut headless, now + share)?;
-            times.spans().for_each(|(span, time)| passes.entry(span.into()).or_default()[index] = Some(time));
-            passes.entry("all".into()).or_default()[index] = times.gpu();
+            passes.add(name.into(), &Times::measure(&mut headless, now + share)?);
         }
+        passes.print(size);
+    }
+    Ok(())
+}
+
+/// The GPU's times of passes, one column per scene.
+#[derive(Default)]
+struct Passes {
+    scenes: Vec<String>,
+    rows: BTreeMap<String, BTreeMap<usize, f64>>,
+}
+
+impl Passes {
+    fn add(&mut self, scene: String, times: &Times) {
+        let all = times.gpu().map(|all| ("all", all));
+        for (span, time) in times.spans().chain(all) {
+            self.rows.entry(span.into()).or_default().insert(self.scenes.len(), time);
+        }
+        self.scenes.push(scene);
+    }
+
+    fn print(&self, size: UVec2) {
         println!(
-            "| {} x {} | {} |\n|---|---|---|---|",
+            "| {} x {} | {} |\n|---|{}",
             size.x,
             size.y,
-            looks.each_ref().map(|(name, _)| *name).join(" | ")
+            self.scenes.join(" | "),
+            "---|".repeat(self.scenes.len())
         );
-        for (pass, times) in passes {
-            println!("| {} | {} |", pass.trim_start_matches("plenoctree_"), times.map(milliseconds).join(" | "));
+        for (pass, times) in &self.rows {
+            let times: Vec<_> = (0..self.scenes.len()).map(|scene| milliseconds(times.get(&scene).copied())).collect();
+            println!("| {} | {} |", pass.trim_start_matches("plenoctree_"), times.join(" | "));
         }
         println!();
     }
-    Ok(())
 }
 
 /// Returns an app that shows props, with palettes that stay, its camera, and the fields.

@@ -142,6 +142,28 @@ impl Scene {
         (owners, means)
     }
 
+    /// Checks that opacity replaces the rays of many pixels, and finds about what rays find.
+    fn check_estimates(&mut self, what: &str) {
+        let fine = self.fine();
+        let all_rays = PropQuality { estimates_edges: false, ..default() };
+        let qualities = [all_rays, default(), PropQuality { edge_rays: 4, ..default() }];
+        let (mut frames, mut errors) = (vec![], vec![]);
+        for quality in qualities {
+            self.set(quality);
+            let (hard, smooth) = self.errors(what, &fine);
+            errors.push(smooth / hard);
+            frames.push(self.draw(EdgeSmoothing::Coverage));
+        }
+        self.unset::<PropQuality>();
+        let cut = crossed(&fine.0);
+        let pixels = frames[0].pixels().zip(frames[1].pixels()).zip(&cut).filter(|(_, is_cut)| **is_cut);
+        let replaced = pixels.filter(|((rays, estimated), _)| rays != estimated).count();
+        let all = cut.iter().filter(|is_cut| **is_cut).count();
+        println!("{what}: {replaced} of {all} pixels do not show what rays see");
+        assert!(10 * replaced > all, "{what}: {replaced} of {all}");
+        assert!(errors[0] < 0.3 && errors[1] < 0.32 && errors[2] < 0.32, "{what}: {errors:?}");
+    }
+
     /// Returns the errors of hard edges and of smooth ones: root mean squares over the pixels that the edge of a prop
     /// crosses, in steps of 8-bit encoded sRGB. Prints both.
     fn errors(&mut self, what: &str, (owners, truth): &Fine) -> (f64, f64) {
@@ -313,6 +335,83 @@ fn edges_are_close_to_supersampled_ones() {
     assert!(wrong.is_empty(), "{wrong:?}");
 }
 
+/// A camera that sees a tenth of a prop, so near that its cells are larger than pixels.
+fn close(at: Vec3) -> (Projection, Transform) {
+    let place = Transform::from_xyz(1.0, 1.2, 3.2).looking_at(at, Vec3::Y);
+    (Projection::from(PerspectiveProjection { fov: 0.1, ..default() }), place)
+}
+
+/// Where cells are larger than pixels, opacity replaces rays.
+#[test]
+fn edges_between_large_cells_follow_from_opacity() {
+    let mut stage = Scene::new();
+    for (name, x) in [("toadstool", 0.62), ("drum", 0.62), ("robot", 0.3)] {
+        stage.set(close(Vec3::new(x, 0.3, -0.2)));
+        // With a single label, errors are those of silhouettes alone.
+        stage.spawn_posterized(&included(name), Palette::new(vec![GREEN]).unwrap(), default());
+        stage.check_estimates(name);
+        stage.clear();
+    }
+}
+
+/// It does so with samples, at the display, before a mesh, and beside other props, whose results are added up.
+#[test]
+fn opacity_replaces_rays_in_all_views() {
+    let mut stage = Scene::new();
+    let soft = |at: DVec3| if at.length() < 0.8 { 8.0 * (-(at.length() / 0.6).powi(8)).exp() } else { 0.0 };
+    let soft = colored(6, soft, |_| GREEN.into());
+    let spawn = |stage: &mut Scene, x: f32| {
+        let place = Transform::from_xyz(x, 0.0, 0.0).with_scale(Vec3::splat(0.55));
+        stage.spawn_posterized(&soft, Palette::new(vec![GREEN]).unwrap(), place);
+    };
+    stage.set(Transform::from_xyz(0.0, 0.0, 3.0));
+    spawn(&mut stage, -0.6);
+    stage.check_estimates("alone");
+    stage.set(Msaa::Sample4);
+    stage.check_estimates("with samples");
+    stage.set((Msaa::Off, PropPlacement::Display));
+    stage.check_estimates("at the display");
+    stage.set(PropPlacement::Scene);
+    stage.spawn_wall(8.0, behind());
+    stage.check_estimates("before a mesh");
+    spawn(&mut stage, 0.6);
+    stage.check_estimates("beside another prop");
+    stage.set(Msaa::Sample4);
+    stage.check_estimates("beside another prop, with samples");
+}
+
+/// Where the opacity of another prop may be part of what pixels see, and where opacity changes at once, rays are needed.
+#[test]
+fn edges_do_not_follow_from_opacity_that_says_too_little() {
+    let mut stage = Scene::new();
+    let all_rays = PropQuality { estimates_edges: false, ..default() };
+    let mut wrong = vec![];
+    let mut check = |stage: &mut Scene, what: &str| {
+        stage.unset::<PropQuality>();
+        let found = stage.draw(EdgeSmoothing::Coverage);
+        stage.set(all_rays);
+        let expected = stage.draw(EdgeSmoothing::Coverage);
+        assert!(found != stage.draw(EdgeSmoothing::Off), "{what}");
+        let differ = differing(&found, &expected, 0);
+        wrong.extend((differ > 0).then(|| format!("{what}: {differ} pixels")));
+    };
+    // Haze behind it, too thin to be posterized.
+    stage.set(close(Vec3::new(0.62, 0.3, -0.2)));
+    stage.spawn_posterized(&included("toadstool"), Palette::new(vec![GREEN]).unwrap(), default());
+    let haze = colored(3, |_| 0.1, |_| BRIGHT.into());
+    stage.spawn_posterized(&haze, Palette::new(vec![BRIGHT]).unwrap(), Transform::from_xyz(0.0, 0.0, -3.0));
+    check(&mut stage, "before haze");
+    stage.clear();
+    // A pane that is barely dense enough to be posterized.
+    let scaling_mode = ScalingMode::Fixed { width: 2.37, height: 2.37 };
+    let flat = OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() };
+    stage.set((Projection::Orthographic(flat), Transform::from_xyz(0.0, 0.0, 3.0)));
+    let pane = colored(3, |at| if at.abs().max_element() < 0.5 { 0.4 } else { 0.0 }, |_| GREEN.into());
+    stage.spawn_posterized(&pane, Palette::new(vec![GREEN]).unwrap(), default());
+    check(&mut stage, "pane");
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
 /// Returns the pixels whose owner differs from that of a neighbor.
 fn outlines(owners: &[usize]) -> Vec<bool> {
     let owner = |x: i32, y: i32| {
@@ -450,13 +549,30 @@ fn slits_show_the_scene_behind() {
 /// When the camera turns slowly, edges change less from frame to frame than hard ones.
 #[test]
 fn smooth_edges_are_steadier() {
+    let whole = (Projection::default(), Vec3::ZERO);
+    let close = (close(Vec3::ZERO).0, Vec3::new(0.6, 0.3, 0.0));
+    for estimates_edges in [false, true] {
+        let quality = PropQuality { estimates_edges, ..default() };
+        steadier(quality, whole.clone(), false);
+        // With a single label, what changes is the silhouette.
+        steadier(quality, close.clone(), true);
+    }
+}
+
+/// The camera turns around the prop with what it looks at.
+fn steadier(quality: PropQuality, (projection, target): (Projection, Vec3), has_one_label: bool) {
     let mut stage = Scene::new();
-    stage.spawn_included("toadstool");
+    stage.set((quality, projection));
+    match has_one_label {
+        true => stage.spawn_posterized(&included("toadstool"), Palette::new(vec![GREEN]).unwrap(), default()),
+        false => stage.spawn_included("toadstool"),
+    }
     let mut changes = [0.0; 2];
     let mut before: Option<([RgbaImage; 2], Vec<bool>)> = None;
     for step in 0..8 {
         let turn = Quat::from_rotation_y(0.6 + 0.004 * step as f32);
-        stage.set(Transform::from_translation(turn * Vec3::new(0.0, 1.2, 3.2)).looking_at(Vec3::ZERO, Vec3::Y));
+        let place = Transform::from_translation(turn * Vec3::new(0.0, 1.2, 3.2));
+        stage.set(place.looking_at(turn * target, Vec3::Y));
         let is_edge = outlines(&stage.owners());
         let frames = [EdgeSmoothing::Off, EdgeSmoothing::Coverage].map(|edges| stage.draw(edges));
         if let Some((earlier, was_edge)) = &before {
@@ -470,7 +586,7 @@ fn smooth_edges_are_steadier() {
     }
     let [hard, smooth] = changes.map(f64::sqrt);
     println!("changes at edges: hard {hard:.2}, smooth {smooth:.2}");
-    assert!(hard > 1.0 && smooth < 0.6 * hard, "hard {hard}, smooth {smooth}");
+    assert!(hard > 1.0 && smooth < 0.6 * hard, "{quality:?}: hard {hard}, smooth {smooth}");
 }
 
 /// Views in which no prop is posterized, or all edges are hard, compile and draw nothing for smooth ones.

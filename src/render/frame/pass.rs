@@ -240,6 +240,16 @@ impl Program {
     pub fn at_edges(self) -> Self {
         self.define("AT_EDGES").depth_test(CompareFunction::Less, false)
     }
+
+    /// Draws only at those that follow from opacity.
+    pub fn at_estimated_edges(self) -> Self {
+        self.define("ESTIMATED").depth_test(CompareFunction::Equal, false)
+    }
+
+    /// Draws only at those that need rays.
+    pub fn where_edges_need_rays(self) -> Self {
+        self.define("WITH_RAYS").depth_test(CompareFunction::Less, false)
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

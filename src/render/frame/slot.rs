@@ -53,7 +53,7 @@ pub(in crate::render) enum Slot {
     /// What the rays of edges see of the pixel's owner, and of the other owner. See `coverage.wgsl`.
     OwnRays,
     OtherRays,
-    /// A depth that is 1 at edges, and 1/2 elsewhere on props, so that later passes run only there.
+    /// A depth that says where props and their edges are, so that later passes run only there. See `edge.wgsl`.
     EdgeMask,
     /// The color of the light that arrives, and the fraction that is blocked, or the light that is added. See
     /// `lighting.wgsl`.

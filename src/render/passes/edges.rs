@@ -2,7 +2,7 @@
 //! not part of the method, whose edges are hard.
 //!
 //! The *outline* pass finds the pixels at the edges of props, and the owners that may cover parts of them. The
-//! *coverage* pass marches several rays through those pixels, and no others.
+//! *coverage* pass finds these parts: from opacity where it says enough, and elsewhere with several rays through the pixel.
 
 use bevy::{
     prelude::*,
@@ -75,7 +75,7 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         Pixels::OfOwners => (Some("OF_OWNERS"), PLACES, [add, add, Blend::Replace]),
         Pixels::OfOthers => (Some("OF_OTHERS"), Slot::OtherRays, [add; 3]),
     };
-    let mut reads = vec![Slot::Outline, Slot::OWNER, Slot::DEPTH];
+    let mut reads = vec![Slot::Outline, Slot::OWNER, Slot::DEPTH, Slot::COLOR];
     reads.extend((pixels == Pixels::OfOthers).then_some(PLACES));
     let (mut programs, mut draws, mut shapes) = (vec![], vec![], vec![]);
     for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| prop.smooths != Smooths::Nothing) {
@@ -84,11 +84,17 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
                 Program { tree: Some(prop.kind.shape.into()), blends: blends.to_vec(), ..Program::new("coverage") };
             let program = definition.into_iter().fold(program, Program::define);
             let program = program.define_number("SAMPLES", Some(plan.samples));
-            programs.push(program.define_all(field_definitions(prop.kind.shape)).at_edges());
+            programs.push(program.define_all(field_definitions(prop.kind.shape)).where_edges_need_rays());
         });
         let scissor = (!is_single).then_some(prop.rect);
         let field = Some(prop.field.clone());
         draws.push(Draw { field, instance: index as u32, scissor, ..Draw::triangle(program) });
+    }
+    // Opacity is that of one prop where the boxes of no others are.
+    if pixels != Pixels::OfOwners {
+        let program = Program { blends: blends.to_vec(), ..Program::new("estimate") };
+        programs.push(program.define_number("SAMPLES", Some(plan.samples)).at_estimated_edges());
+        draws.push(Draw::triangle(programs.len() - 1));
     }
     let place = if plan.composite_outlines() { Place::Posterize } else { Place::Layer };
     Pass {

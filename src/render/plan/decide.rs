@@ -211,6 +211,7 @@ pub(in crate::render) fn decide(
             ray_tolerance: quality.ray_tolerance,
             stop_transmittance: quality.stop_transmittance,
             edge_rays: if known.samples > 1 { 8 } else { quality.edge_rays },
+            estimates_edges: quality.estimates_edges.into(),
             unjittered_from_clip: (motion.unjittered_from_clip * rect.viewport_from_clip()).as_mat4(),
             // Nothing is divided by an empty range.
             depth_range: Vec2::new(viewport.depth.start, (viewport.depth.end - viewport.depth.start).max(1e-6)),

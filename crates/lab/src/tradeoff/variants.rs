@@ -41,6 +41,7 @@ pub fn rendering() -> Vec<Variant> {
         (quality.ray_spacing, quality.ray_tolerance) = (value as u32, 0.4);
     });
     knob("edge_rays", &[4.0], |quality, value| quality.edge_rays = value as u32);
+    knob("estimates_edges", &[1.0], |quality, value| quality.estimates_edges = value > 0.0);
     knob("filter_iterations", &[3.0, 2.0, 1.0, 0.0], |quality, value| quality.filter_iterations = value as u32);
     all.push(variant("precision", "byte".into(), PropQuality::EXACT, Precision::Byte));
     for (preset, name) in QualityPreset::ALL.into_iter().zip(["exact", "high", "balanced", "fast"]).skip(1) {
