@@ -242,8 +242,7 @@ fn key(input: &FitInput, settings: &FitSettings) -> u64 {
 
 /// Returns the number of levels of a cube at which the finest cells are about half a pixel wide in its middle.
 fn depth_of(cameras: &[&ViewCamera], cube: Cube) -> u32 {
-    let distance = |camera: &ViewCamera| camera.position.distance(cube.middle()).max(1e-9);
-    let pixels = |camera: &&ViewCamera| cube.size * camera.lens.focal.x / distance(camera);
+    let pixels = |camera: &&ViewCamera| cube.size * camera.lens.focal.x / cube.distance(camera.position);
     let mean = cameras.iter().map(pixels).sum::<f64>() / cameras.len().max(1) as f64;
     ((2.0 * mean).log2().round() as u32).clamp(7, 9)
 }

@@ -32,6 +32,11 @@ impl Cube {
     pub fn middle(self) -> DVec3 {
         self.low + 0.5 * self.size
     }
+
+    /// Returns the distance of a point from the middle, above 0.
+    pub fn distance(self, point: DVec3) -> f64 {
+        point.distance(self.middle()).max(1e-9)
+    }
 }
 
 impl Voxel {

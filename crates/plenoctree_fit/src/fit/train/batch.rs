@@ -183,7 +183,7 @@ fn render_tile<const B: usize>(scene: &Scene, tile: Tile, mut random: Random, sc
         slots.fill(0);
         *base = 1;
     }
-    let middle_distance = (view.camera.position.distance(grid.cube().middle()) / grid.cell_size()) as f32;
+    let middle_distance = (grid.cube().distance(view.camera.position) / grid.cell_size()) as f32;
     let mut ends = [(0usize, 0.0f32); (TILE * TILE) as usize];
     let pixels = || (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y)));
     for ((x, y), end) in pixels().zip(&mut ends) {

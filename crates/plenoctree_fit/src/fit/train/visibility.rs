@@ -173,7 +173,7 @@ impl<'a> Clear<'a> {
             ends.get(ends.len() / FEW).map(|cells| f64::from(*cells) * grid.cell_size())
         };
         let near_ends: Vec<Option<f64>> = cameras.par_iter().map(near_end).collect();
-        let to_middle = |camera: &ViewCamera| camera.position.distance(grid.cube().middle()).max(1e-9);
+        let to_middle = |camera: &ViewCamera| grid.cube().distance(camera.position);
         let ratio = |(camera, end): (&&ViewCamera, &Option<f64>)| end.map(|end| end / to_middle(camera));
         let mut ratios: Vec<f64> = cameras.iter().zip(&near_ends).filter_map(ratio).collect();
         ratios.sort_unstable_by(f64::total_cmp);
@@ -235,8 +235,7 @@ fn sparseness(cameras: usize) -> f64 {
 /// Returns the points of the picture whose rays are about `spacing` cells apart in the middle of the grid, or
 /// `sparseness` times that.
 fn pixels(grid: &Grid, camera: &ViewCamera, spacing: f64, sparseness: f64) -> impl Iterator<Item = DVec2> {
-    let distance = camera.position.distance(grid.cube().middle()).max(1e-9);
-    let pixels = spacing * grid.cell_size() * camera.lens.focal.x / distance;
+    let pixels = spacing * grid.cell_size() * camera.lens.focal.x / grid.cube().distance(camera.position);
     let step = (pixels.clamp(0.1, 4.0) * sparseness).min(camera.width.min(camera.height).into());
     let count = move |size: u32| (f64::from(size) / step) as u32;
     let every = move |size: u32| (0..count(size)).map(move |index| (f64::from(index) + 0.5) * step);
