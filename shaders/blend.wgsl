@@ -269,15 +269,23 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     var own_parts = vec4(0.0);
     var of_behind = f32(parts.rest);
     var of_center = 0.0;
+    // Without rays, there is no color to find a label for. See `estimate.wgsl`.
     if parts.own > 0u {
         let rays = own * f32(RAYS) / f32(countOneBits(bits.r));
-        own_parts += f32(parts.own) * select(at_center, posterized(pixel, rays, owners.x, behind, ink.x), rays.a > 0.0);
+        var seen = at_center;
+        if rays.a > 0.0 {
+            seen = posterized(pixel, rays, owners.x, behind, ink.x);
+        }
+        own_parts += f32(parts.own) * seen;
     }
     if parts.other > 0u {
         let rays = other * f32(RAYS) / f32(countOneBits(bits.b));
         let owner = select(owners.x, owners.y, has_other);
-        let seen = posterized(pixel, rays, owner, behind, select(ink.x, ink.y, has_other));
-        own_parts += f32(parts.other) * select(around.most, seen, rays.a > 0.0);
+        var seen = around.most;
+        if rays.a > 0.0 {
+            seen = posterized(pixel, rays, owner, behind, select(ink.x, ink.y, has_other));
+        }
+        own_parts += f32(parts.other) * seen;
     }
     var total = f32(count);
     if bits.a == 0u {

@@ -1,5 +1,5 @@
-// The coverage pass: marches several rays through each pixel at the edge of a posterized prop, to find which part of
-// the pixel the prop covers, and its color there.
+// The coverage pass: marches several rays through each pixel at the edge of a posterized prop where opacity does not show
+// enough, to find which part of the pixel the prop covers, and its color there.
 
 #import bevy_plenoctree::color::to_half
 #import bevy_plenoctree::edge::{FAINTEST, RAYS, neighbor, offset_of_four, ray_offset, rays_of, sample_of, thinned}

@@ -38,6 +38,7 @@ fn is_at_slit(layer: texture_2d<f32>, pixel: vec2<i32>) -> bool {
     return 2.0 * least < transmittance;
 }
 
+// Returns whether a pixel is at an edge, and of which props.
 fn edge_at(
     layer: texture_2d<f32>,
     owner: texture_2d<f32>,

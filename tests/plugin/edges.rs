@@ -563,9 +563,10 @@ fn smooth_edges_are_steadier() {
 fn steadier(quality: PropQuality, (projection, target): (Projection, Vec3), has_one_label: bool) {
     let mut stage = Scene::new();
     stage.set((quality, projection));
-    match has_one_label {
-        true => stage.spawn_posterized(&included("toadstool"), Palette::new(vec![GREEN]).unwrap(), default()),
-        false => stage.spawn_included("toadstool"),
+    if has_one_label {
+        stage.spawn_posterized(&included("toadstool"), Palette::new(vec![GREEN]).unwrap(), default());
+    } else {
+        stage.spawn_included("toadstool");
     }
     let mut changes = [0.0; 2];
     let mut before: Option<([RgbaImage; 2], Vec<bool>)> = None;

@@ -2,7 +2,8 @@
 //! not part of the method, whose edges are hard.
 //!
 //! The *outline* pass finds the pixels at the edges of props, and the owners that may cover parts of them. The
-//! *coverage* pass finds these parts: from opacity where it says enough, and elsewhere with several rays through the pixel.
+//! *coverage* pass finds these parts: from opacity where it says enough, and elsewhere with several rays through the
+//! pixel.
 
 use bevy::{
     prelude::*,
