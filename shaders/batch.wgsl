@@ -1,4 +1,5 @@
-// The grid of rays, the gaps between them, and the batches of gaps whose pixels get rays of their own.
+// The grid of rays, one for every second pixel along each axis, the gaps between them, and the batches of gaps whose pixels
+// get rays of their own.
 //
 // The gap of a ray of the grid consists of the pixels to the right of it and below, up to the next rays. The gaps of a
 // square of the viewport that get rays form a batch. Their pixels are drawn side by side, in a square of textures of
@@ -7,40 +8,31 @@
 
 #import bevy_plenoctree::view::view
 
-// The pixels along a side of the square in which a batch is drawn. Matches `BATCH` in `slot.rs`.
+// Pixels per ray of the grid, along each axis. Matches `SPACING` of the plan.
+const SPACING: u32 = 2u;
+// The pixels of a gap.
+const PIXELS_OF_GAP: u32 = SPACING * SPACING - 1u;
+// The pixels along a side of the square whose gaps form a batch, and of the one in which it is drawn. Matches `BATCH` in
+// `slot.rs`.
 const BATCH: u32 = 32u;
-// The largest number of gaps in a batch, those of a grid of every second pixel. Matches `MOST_GAPS` in `slot.rs`.
-const MOST_GAPS: u32 = 256u;
+// The gaps along a side of that square.
+const GAPS_ACROSS: u32 = BATCH / SPACING;
+// The largest number of gaps in a batch.
+const MOST_GAPS: u32 = GAPS_ACROSS * GAPS_ACROSS;
 
 // What the check pass finds about a gap, if not 1 + its index in its batch.
 const AGREES: u32 = 0u;
 const EMPTY: u32 = 0xffffu;
 
-// Divides integers below 65536, as floats: few GPUs can divide integers.
-fn quotient(value: vec2<u32>, by: u32) -> vec2<u32> {
-    return vec2<u32>((vec2<f32>(value) + 0.5) / f32(by));
-}
-
 // Returns one of the four rays of the grid around a gap.
 fn ray_around(gap: vec2<u32>, index: u32) -> vec2<u32> {
-    let rays = (view.size + view.spacing - 1u) / view.spacing;
+    let rays = (view.size + SPACING - 1u) / SPACING;
     return min(gap + vec2(index & 1u, index >> 1u), rays - 1u);
-}
-
-// Returns the number of pixels of a gap.
-fn pixels_of_gap() -> u32 {
-    return view.spacing * view.spacing - 1u;
-}
-
-// Returns the number of gaps along a side of the square of a batch.
-fn gaps_across() -> u32 {
-    return BATCH / view.spacing;
 }
 
 // Returns the numbers of batches along each axis.
 fn batches() -> vec2<u32> {
-    let side = gaps_across() * view.spacing;
-    return (view.size + side - 1u) / side;
+    return (view.size + BATCH - 1u) / BATCH;
 }
 
 // Returns the pixel within the square of a batch in which the element `index` of the batch is drawn. Eight elements are

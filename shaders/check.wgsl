@@ -2,7 +2,7 @@
 // their own: the gap joins its batch.
 
 #import bevy_plenoctree::batch::{
-    AGREES, EMPTY, MOST_GAPS, batches, quotient, gaps_across, pack_gap, ray_around,
+    AGREES, EMPTY, GAPS_ACROSS, MOST_GAPS, SPACING, batches, pack_gap, ray_around,
 }
 #import bevy_plenoctree::scene::scene_depth_at
 #import bevy_plenoctree::view::{is_solid, unpack_owner, view}
@@ -45,14 +45,12 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
     }
     // The least and the greatest depths of the scene, where these rays and those of the gap end at it.
     var scene_depths = vec2(1e30, -1e30);
-    let across = view.spacing + 1u;
-    let pixels = select(across * across, 0u, is_empty);
-    var beyond = vec2(0u);
+    const ACROSS = SPACING + 1u;
+    let pixels = select(ACROSS * ACROSS, 0u, is_empty);
     for (var i = 0u; i < pixels; i++) {
-        let at = min(gap * view.spacing + beyond, view.size - 1u);
+        let at = min(gap * SPACING + vec2(i % ACROSS, i / ACROSS), view.size - 1u);
         let there = scene_depth_at(at, 0u);
         scene_depths = vec2(min(scene_depths.x, there), max(scene_depths.y, there));
-        beyond = select(vec2(0u, beyond.y + 1u), vec2(beyond.x + 1u, beyond.y), beyond.x < view.spacing);
     }
 
     let spread = most - least;
@@ -63,10 +61,10 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
         || scene_depths.y - scene_depths.x > SAME_SURFACE * scene_depths.y;
     var found = select(AGREES, EMPTY, is_empty);
     if needs_rays {
-        let square = quotient(gap, gaps_across());
+        let square = gap / GAPS_ACROSS;
         let batch = square.y * batches().x + square.x;
         let index = atomicAdd(&counts[batch], 1u);
-        gaps[batch * MOST_GAPS + index] = pack_gap(gap - square * gaps_across());
+        gaps[batch * MOST_GAPS + index] = pack_gap(gap % GAPS_ACROSS);
         found = index + 1u;
     }
     return found;

@@ -2,10 +2,10 @@
 // takes the pixels of other gaps from where their batches were drawn.
 
 #import bevy_plenoctree::batch::{
-    AGREES, BATCH, EMPTY, quotient, gaps_across, pixels_of_gap, place_in_batch, ray_around,
+    AGREES, BATCH, EMPTY, GAPS_ACROSS, PIXELS_OF_GAP, SPACING, place_in_batch, ray_around,
 }
 #import bevy_plenoctree::color::to_half
-#import bevy_plenoctree::view::{is_solid, view}
+#import bevy_plenoctree::view::is_solid
 
 // The result of the check pass.
 @group(1) @binding(0) var gaps: texture_2d<u32>;
@@ -35,8 +35,8 @@ struct Fragment {
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let pixel = vec2<u32>(position.xy);
-    let gap = quotient(pixel, view.spacing);
-    let beyond = pixel - gap * view.spacing;
+    let gap = pixel / SPACING;
+    let beyond = pixel % SPACING;
     let found = textureLoad(gaps, gap, 0).x;
     let is_batched = found != AGREES && found != EMPTY && any(beyond > vec2(0u));
     // The pixel may hold what was drawn before.
@@ -44,8 +44,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
 
     let batched = select(0u, 1u, is_batched);
     for (var i = 0u; i < batched; i++) {
-        let index = (found - 1u) * pixels_of_gap() + beyond.y * view.spacing + beyond.x - 1u;
-        let at = BATCH * quotient(gap, gaps_across()) + place_in_batch(index);
+        let index = (found - 1u) * PIXELS_OF_GAP + beyond.y * SPACING + beyond.x - 1u;
+        let at = BATCH * (gap / GAPS_ACROSS) + place_in_batch(index);
         filled.color = textureLoad(batched_color, at, 0);
         filled.owner = textureLoad(batched_owner, at, 0);
         filled.depth = textureLoad(batched_depth, at, 0);
@@ -54,7 +54,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
 #endif
     }
 
-    let share = vec2<f32>(beyond) / f32(view.spacing);
+    let share = vec2<f32>(beyond) / f32(SPACING);
     let rays = select(4u, 0u, is_batched || found == EMPTY);
     var sum = vec4(0.0);
     // The ray that the pixel shows most of.

@@ -3,7 +3,7 @@
 
 #ifdef BATCHED
 #import bevy_plenoctree::batch::{
-    BATCH, MOST_GAPS, batches, quotient, gaps_across, index_in_batch, pixels_of_gap, unpack_gap,
+    BATCH, GAPS_ACROSS, MOST_GAPS, PIXELS_OF_GAP, SPACING, batches, index_in_batch, unpack_gap,
 }
 #endif
 #import bevy_plenoctree::octree::{Crossing, Ray, begin, clip, density, field, has_ended, make_ray, next_leaf}
@@ -45,14 +45,13 @@ fn prop_ray(in: Varying) -> PropRay {
     let square = place / BATCH;
     let batch = square.y * batches().x + square.x;
     let index = index_in_batch(place % BATCH);
-    let element = quotient(vec2(index), pixels_of_gap()).x;
+    let element = index / PIXELS_OF_GAP;
     let is_listed = element < counts[batch];
     let gap = unpack_gap(gaps[batch * MOST_GAPS + select(0u, element, is_listed)]);
     // The first pixel is the ray of the grid.
-    let pixel_of_gap = index - element * pixels_of_gap() + 1u;
-    let row = quotient(vec2(pixel_of_gap), view.spacing).x;
-    let beyond = vec2(pixel_of_gap - row * view.spacing, row);
-    pixel = (square * gaps_across() + gap) * view.spacing + beyond;
+    let pixel_of_gap = index % PIXELS_OF_GAP + 1u;
+    let beyond = vec2(pixel_of_gap % SPACING, pixel_of_gap / SPACING);
+    pixel = (square * GAPS_ACROSS + gap) * SPACING + beyond;
 #endif
     var seen = ray_at(props[in.prop], vec2<f32>(pixel) + 0.5);
 #ifndef SHADOW_MAP

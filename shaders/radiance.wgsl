@@ -1,6 +1,6 @@
 // The radiance of a leaf. See section 1 of the method. The coefficients of a leaf take TEXELS texels: WORDS words per
-// channel, preceded by two more if they are COMPACT. With a CODEBOOK, a leaf has one texel of two words: its color, and
-// the numbers of its rows. Rows take TEXELS texels of two words per part. `src/gpu/payload.rs` packs them.
+// channel. With a CODEBOOK, a leaf has one texel of two words: its color, and the numbers of its rows. Rows take TEXELS
+// texels of two words per part. `src/gpu/payload.rs` packs them.
 #define_import_path bevy_plenoctree::radiance
 
 #import bevy_plenoctree::constants::HARMONICS
@@ -126,23 +126,12 @@ fn word(leaf: ptr<function, Leaf>, index: u32) -> u32 {
 
 // Returns the sum of a channel's harmonics. WORDS words hold all of its coefficients.
 fn channel(leaf: ptr<function, Leaf>, index: u32, h: ptr<function, Harmonics>) -> f32 {
-#ifdef COMPACT
-    let constants = vec3(unpack2x16float(word(leaf, 0u)), unpack2x16float(word(leaf, 1u)).x);
-    var others = 0.0;
-    for (var w = 0u; w < #{WORDS}u; w++) {
-        let bytes = unpack4x8snorm(word(leaf, 2u + index * #{WORDS}u + w));
-        let y = vec4((*h).y[4u * w + 1u], (*h).y[4u * w + 2u], (*h).y[4u * w + 3u], (*h).y[4u * w + 4u]);
-        others += dot(bytes, y);
-    }
-    return constants[index] * (*h).y[0] + unpack2x16float(word(leaf, 1u)).y * others;
-#else
     var sum = 0.0;
     for (var w = 0u; w < #{WORDS}u; w++) {
         let pair = unpack2x16float(word(leaf, index * #{WORDS}u + w));
         sum += pair.x * (*h).y[2u * w] + pair.y * (*h).y[2u * w + 1u];
     }
     return sum;
-#endif
 }
 
 // Returns the sums of the channels' harmonics.

@@ -116,7 +116,7 @@ pub use picking::{PropHit, PropRayCast};
 #[cfg(feature = "pack")]
 pub use plenoctree::PackSettings;
 pub use plenoctree::{
-    Activation, LoadSettings, PlenOctree, Precision, UpAxis,
+    Activation, LoadSettings, PlenOctree, UpAxis,
     palette::{
         ColorCount, ExtractionSettings, InvalidRamps, Palette, PaletteLabel, PaletteMethod, Ramp, RampAdjustment,
         Unmet, UnmetReason, UnmetWishes, Wish,

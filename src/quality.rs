@@ -51,17 +51,12 @@ pub struct PropQuality {
     /// The largest difference between neighboring rays at which the pixels between them are interpolated: of a channel
     /// of encoded sRGB, of opacity, or of distance, relative to the distance itself.
     ///
-    /// Above 0, only a grid of pixels gets rays at first. Where these differ by more, or belong to different props, or
-    /// where a mesh ends in front of a prop, all pixels get rays. What is thinner than the grid's
-    /// [`ray_spacing`](Self::ray_spacing) may be missed where no ray of the grid meets it.
+    /// Above 0, only every second pixel along each axis gets a ray at first, which makes a grid. Where these differ by more, or belong to different props, or
+    /// where a mesh ends in front of a prop, all pixels get rays. What is thinner than two pixels may be missed where no
+    /// ray of the grid meets it.
     ///
     /// Defaults to 0, which gives every pixel a ray. Below 0.1, hardly any time is saved. Negative values count as 0.
     pub ray_tolerance: f32,
-    /// The distance in pixels between the rays of the grid, along each axis, if [`ray_tolerance`](Self::ray_tolerance)
-    /// is above 0.
-    ///
-    /// Defaults to 2. Clamped to 2..=8.
-    pub ray_spacing: u32,
     /// The number of rays through a pixel where a posterized prop ends, for
     /// [`EdgeSmoothing::Coverage`](crate::EdgeSmoothing::Coverage): 4 or 8. Views with [`Msaa`] always cast 8. Both
     /// leave about a quarter of the error of hard edges, but four rays miss more details that are thinner than a pixel.
@@ -101,7 +96,6 @@ impl PropQuality {
         opacity_loss: 0.0,
         cell_size: 0.0,
         ray_tolerance: 0.0,
-        ray_spacing: 2,
         edge_rays: 8,
         estimates_edges: false,
         filter_iterations: MAX_FILTER_ITERATIONS,
@@ -156,7 +150,6 @@ impl PropQuality {
             opacity_loss: clamp(self.opacity_loss, 0.0, 1.0, exact.opacity_loss),
             cell_size: clamp(self.cell_size, 0.0, f32::INFINITY, exact.cell_size),
             ray_tolerance: clamp(self.ray_tolerance, 0.0, f32::INFINITY, exact.ray_tolerance),
-            ray_spacing: self.ray_spacing.clamp(2, 8),
             edge_rays: if self.edge_rays < 8 { 4 } else { 8 },
             estimates_edges: self.estimates_edges,
             filter_iterations: self.filter_iterations,

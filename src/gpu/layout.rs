@@ -41,7 +41,7 @@ pub(crate) struct TreeShape {
 
 impl From<FieldShape> for TreeShape {
     fn from(shape: FieldShape) -> Self {
-        Self { inner_records: shape.inner_records, has_codebook: shape.payload.has_codebook() }
+        Self { inner_records: shape.inner_records, has_codebook: shape.payload.has_codebook }
     }
 }
 

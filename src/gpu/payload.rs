@@ -4,62 +4,31 @@ use std::ops::Range;
 
 use half::f16;
 
-use plenoctree::{Basis, Codebook, PlenOctree, Precision};
+use plenoctree::{Basis, Codebook, PlenOctree};
 
 /// The layout of a leaf's coefficients in texels. Shaders are specialized for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Payload {
     pub basis: Basis,
-    pub layout: Layout,
-}
-
-/// How coefficients are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Layout {
-    /// All as half floats.
-    Halves,
-    /// Those of the constant function and a scale as half floats, the others as bytes.
-    Bytes,
-    /// The color in 32 bits, and the numbers of two rows of codebooks, which hold the others as bytes. Texels have two
-    /// words.
-    Codebook,
+    /// Whether a leaf has a color in 32 bits and the numbers of two rows of codebooks, which hold the other coefficients
+    /// as bytes. Texels then have two words. Otherwise, all coefficients are half floats.
+    pub has_codebook: bool,
 }
 
 impl Payload {
     pub fn of(field: &PlenOctree) -> Self {
-        let basis = field.basis();
-        let layout = if field.codebook().is_some() {
-            Layout::Codebook
-        } else if field.precision() == Precision::Byte && basis.functions() >= 9 {
-            Layout::Bytes
-        } else {
-            // With fewer functions, bytes would take as many texels as half floats.
-            Layout::Halves
-        };
-        Self { basis, layout }
+        Self { basis: field.basis(), has_codebook: field.codebook().is_some() }
     }
 
-    pub fn has_codebook(self) -> bool {
-        self.layout == Layout::Codebook
-    }
-
-    /// Returns the number of 32-bit words per channel, without the two leading words of a leaf with bytes. With
-    /// codebooks, they are words of a part of a row.
-    pub fn words_per_channel(self) -> usize {
+    /// Returns the number of 32-bit words per channel or, with codebooks, per part of a row.
+    pub fn words(self) -> usize {
         let functions = self.basis.functions();
-        match self.layout {
-            Layout::Halves => functions.div_ceil(2),
-            Layout::Bytes | Layout::Codebook => (functions - 1).div_ceil(4),
-        }
+        if self.has_codebook { (functions - 1).div_ceil(4) } else { functions.div_ceil(2) }
     }
 
     /// Returns the number of texels per leaf or, with codebooks, per part of a row.
     pub fn texels(self) -> usize {
-        match self.layout {
-            Layout::Codebook => self.words_per_channel().div_ceil(2),
-            Layout::Bytes => (3 * self.words_per_channel() + 2).div_ceil(4),
-            Layout::Halves => (3 * self.words_per_channel()).div_ceil(4),
-        }
+        if self.has_codebook { self.words().div_ceil(2) } else { (3 * self.words()).div_ceil(4) }
     }
 
     /// Returns the number of texels of all rows of a codebook of luma, and of one of differences.
@@ -74,10 +43,8 @@ impl Payload {
         let mut words = Vec::with_capacity(leaves.len() * self.texels() * 4);
         for leaf in leaves {
             let end = words.len() + self.texels() * 4;
-            if self.layout == Layout::Bytes {
-                self.pack_bytes(leaf, &mut words);
-            } else {
-                pack_halves(leaf, self.basis.functions(), &mut words);
+            for channel in leaf.chunks_exact(self.basis.functions()) {
+                words.extend(channel.chunks(2).map(|pair| halves(pair[0], pair.get(1).copied().unwrap_or(f16::ZERO))));
             }
             words.resize(end, 0);
         }
@@ -114,33 +81,6 @@ impl Payload {
             [color, u32::from(luma) | u32::from(chroma) << 16]
         };
         codebook.colors[leaves].iter().zip(rows).flat_map(leaf).collect()
-    }
-
-    /// Packs the constant coefficients of the three channels and a scale as half floats, then the other coefficients as
-    /// signed bytes. The scale is the largest magnitude of the other coefficients and maps to 127.
-    fn pack_bytes(self, leaf: &[f16], words: &mut Vec<u32>) {
-        let channels = || leaf.chunks_exact(self.basis.functions());
-        let largest = channels().flat_map(|channel| &channel[1..]).map(|k| k.to_f32().abs()).fold(0.0, f32::max);
-        let scale = f16::from_f32(largest);
-        let quotient = 127.0 / largest.max(f32::MIN_POSITIVE);
-        let functions = self.basis.functions();
-        words.push(halves(leaf[0], leaf[functions]));
-        words.push(halves(leaf[2 * functions], scale));
-        for channel in channels() {
-            words.extend(channel[1..].chunks(4).map(|four| {
-                let bytes: [u8; 4] = std::array::from_fn(|index| {
-                    four.get(index).map_or(0, |k| (k.to_f32() * quotient).round() as i8 as u8)
-                });
-                u32::from_le_bytes(bytes)
-            }));
-        }
-    }
-}
-
-/// Packs each channel as pairs of half floats.
-fn pack_halves(coefficients: &[f16], per_channel: usize, words: &mut Vec<u32>) {
-    for channel in coefficients.chunks_exact(per_channel) {
-        words.extend(channel.chunks(2).map(|pair| halves(pair[0], pair.get(1).copied().unwrap_or(f16::ZERO))));
     }
 }
 

@@ -7,7 +7,7 @@ use bevy::{
 };
 use plenoctree::{Activation, Basis};
 
-use super::{constants, layout::FieldShape, payload::Layout};
+use super::{constants, layout::FieldShape};
 
 /// Handles to the shaders, in the render world, by the names of their files. Includes shaders that are only imported by
 /// others, to keep them loaded.
@@ -97,14 +97,13 @@ impl Shaders {
 pub(crate) fn field_definitions(shape: FieldShape) -> Vec<ShaderDefVal> {
     let FieldShape { payload, activation, .. } = shape;
     let number = |name: &str, value: usize| ShaderDefVal::UInt(name.into(), value as u32);
-    let mut definitions = vec![number("TEXELS", payload.texels()), number("WORDS", payload.words_per_channel())];
+    let mut definitions = vec![number("TEXELS", payload.texels()), number("WORDS", payload.words())];
     let mut define = |name: &str, holds: bool| {
         if holds {
             definitions.push(name.into());
         }
     };
-    define("COMPACT", payload.layout == Layout::Bytes);
-    define("CODEBOOK", payload.has_codebook());
+    define("CODEBOOK", payload.has_codebook);
     define("RGBA", payload.basis == Basis::Rgba);
     for (degree, name) in ["DEGREE_1", "DEGREE_2", "DEGREE_3", "DEGREE_4"].into_iter().enumerate() {
         define(name, payload.basis.functions() > (degree + 1) * (degree + 1));

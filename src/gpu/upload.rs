@@ -27,7 +27,7 @@ use crate::background;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the field's {what} would take {bytes} bytes of GPU memory, {}; use fewer leaves. Unless it is packed, a field is \
-     smaller if you pack it, with spherical harmonics of a lower degree, or with `Precision::Byte` from SH9 up",
+     smaller if you pack it, or with spherical harmonics of a lower degree",
     .limit.map_or("more than is available".into(), |limit| format!("more than the {limit} bytes that the device allows"))
 )]
 pub struct FieldTooLarge {

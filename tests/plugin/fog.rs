@@ -90,7 +90,7 @@ fn props_fade_as_meshes_do() {
     // Shadows block what the sun scatters. The cubes are in their own.
     stage.world().get_mut::<DirectionalLight>(sun).unwrap().shadow_maps_enabled = true;
     check(&mut stage, GREEN, "shadows");
-    stage.set_both(PropQuality { ray_tolerance: 0.02, ray_spacing: 4, ..PropQuality::EXACT });
+    stage.set_both(PropQuality { ray_tolerance: 0.02, ..PropQuality::EXACT });
     check(&mut stage, GREEN, "a grid of rays");
     stage.unset_both::<(DistanceFog, PropQuality)>();
     assert!(stage.capture() == clear, "without fog");

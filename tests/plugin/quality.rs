@@ -2,10 +2,9 @@
 
 use bevy::{prelude::*, render::render_asset::RenderAssets};
 use bevy_plenoctree::{
-    EdgeSmoothing, FieldPalette, GpuField, Palette, PlenOctree, Posterize, Precision, PropQuality, QualityPreset,
-    SolidOpacity,
+    EdgeSmoothing, FieldPalette, GpuField, Palette, PlenOctree, Posterize, PropQuality, QualityPreset, SolidOpacity,
 };
-use glam::{DMat4, DVec3};
+use glam::DVec3;
 use image::RgbaImage;
 use plenoctree::{BakeSettings, Basis, bake, camera::PinholeCamera, reference};
 
@@ -157,26 +156,6 @@ fn averaged_cells_look_like_the_field_from_far_away() {
     let coarse = PropQuality { cell_size: 1.0, ..PropQuality::EXACT };
     let averaged = psnr(&capture(&mut stage, &far(SIZE), coarse), &truth);
     assert!(averaged > leaves, "{averaged:.1} dB for averaged cells, {leaves:.1} dB for leaves");
-}
-
-#[test]
-fn bytes_come_close_to_half_floats() {
-    let settings = BakeSettings { depth: 5, basis: Basis::Sh16, ..default() };
-    let ball = |at: DVec3| (30.0 * (0.8 - at.length())).clamp(0.0, 12.0);
-    let tint = |at: DVec3| move |direction: DVec3| 0.5 + 0.4 * (7.0 * at).map(f64::sin) * direction.x;
-    let field = bake(&settings, ball, tint).unwrap();
-    let camera = PinholeCamera::new(SIZE, SIZE, 0.7, DMat4::IDENTITY).looking_at(
-        DVec3::new(2.0, -2.2, 1.4),
-        DVec3::ZERO,
-        DVec3::Z,
-    );
-    let truth = reference::render(&field, &camera).over(DVec3::ONE);
-    let mut stage = stage(SIZE, &field);
-    for (precision, least) in [(Precision::Half, 55.0), (Precision::Byte, 45.0)] {
-        stage.show(&field.clone().with_precision(precision));
-        let psnr = psnr(&capture(&mut stage, &camera, PropQuality::EXACT), &truth);
-        assert!(psnr >= least, "{precision:?}: {psnr:.1} dB");
-    }
 }
 
 /// Frames lose no more than the opacity that rays may lose, and fog of faint leaves is kept.

@@ -55,9 +55,7 @@ pub mod srgb;
 
 #[cfg(feature = "bake")]
 pub use bake::{BakeError, BakeSettings, bake};
-pub use field::{
-    Activation, Basis, Cell, Codebook, Frame, InvalidField, LeafCell, MAX_DEPTH, PlenOctree, Precision, UpAxis,
-};
+pub use field::{Activation, Basis, Cell, Codebook, Frame, InvalidField, LeafCell, MAX_DEPTH, PlenOctree, UpAxis};
 #[cfg(feature = "write")]
 pub use file::WriteError;
 pub use file::{LoadSettings, ReadError, ReadFault};

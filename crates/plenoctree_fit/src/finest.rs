@@ -2,9 +2,7 @@
 
 use glam::UVec3;
 use half::f16;
-#[cfg(feature = "fit")]
-use plenoctree::Cell;
-use plenoctree::{Frame, LoadSettings};
+use plenoctree::{Cell, Frame, LoadSettings};
 
 /// Returns the lowest density of leaves that readers of files keep. Files round densities to half floats.
 pub fn least_density(frame: Frame, depth: u32) -> f32 {
@@ -42,7 +40,6 @@ fn gather(code: u64) -> u32 {
 
 /// Returns the nodes of the tree of `depth` levels with these leaves, in ascending order: the code of the lowest finest
 /// cell of each, and the binary logarithm of its width in finest cells.
-#[cfg(feature = "fit")]
 pub fn tree_of(leaves: &[(u64, u32)], depth: u32) -> Vec<[Cell; 8]> {
     let mut nodes = Vec::new();
     append_node(&mut nodes, leaves, 0, depth);
@@ -50,7 +47,6 @@ pub fn tree_of(leaves: &[(u64, u32)], depth: u32) -> Vec<[Cell; 8]> {
 }
 
 /// Appends the node that covers `leaves` and all below it. `first` is the index of the first leaf.
-#[cfg(feature = "fit")]
 fn append_node(nodes: &mut Vec<[Cell; 8]>, leaves: &[(u64, u32)], first: usize, level: u32) {
     let node = nodes.len();
     nodes.push([Cell::EMPTY; 8]);

@@ -17,7 +17,7 @@ pub(super) use cache::Comparison;
 pub(super) use pass::{Blend, CachedResult, Clear, Draw, FirstGroup, Fragment, Pass, Place, Program};
 pub(super) use pipelines::{InitPipelines, Pipelines};
 pub(super) use run::run;
-pub(super) use slot::{BATCH, RaySet, Slot, batch_side, batches};
+pub(super) use slot::{BATCH, RaySet, Slot, batches};
 pub(crate) use view::PropView;
 #[cfg(feature = "shadows")]
 pub(super) use {slot::TILE_FORMAT, textures::create_texture};

@@ -76,9 +76,7 @@ impl Pass {
     /// view, and all of others.
     pub fn area(&self, plan: &Plan) -> URect {
         match self.writes.iter().chain(&self.depth).next() {
-            Some(slot) if !slot.is_of_target() => {
-                URect { min: UVec2::ZERO, max: slot.rays().size(plan.rect.size, plan.spacing) }
-            }
+            Some(slot) if !slot.is_of_target() => URect { min: UVec2::ZERO, max: slot.rays().size(plan.rect.size) },
             _ => URect { min: plan.corner(), max: plan.corner() + plan.rect.size },
         }
     }

@@ -6,7 +6,7 @@ use bevy::{
     render::render_resource::TextureFormat,
 };
 
-use crate::render::plan::Plan;
+use crate::render::plan::{Plan, SPACING};
 
 /// A texture or a buffer that passes read or draw to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -94,7 +94,7 @@ pub(in crate::render) enum Slot {
 pub(in crate::render) enum RaySet {
     /// One per pixel.
     Pixels,
-    /// Every `PropQuality::ray_spacing`-th one along each axis.
+    /// Every [`SPACING`]-th one along each axis.
     Grid,
     /// Those of the pixels between them that need one.
     Batches,
@@ -102,11 +102,11 @@ pub(in crate::render) enum RaySet {
 
 impl RaySet {
     /// Returns the size of what holds those of `pixels`.
-    pub fn size(self, pixels: UVec2, spacing: u32) -> UVec2 {
+    pub fn size(self, pixels: UVec2) -> UVec2 {
         match self {
             Self::Pixels => pixels,
-            Self::Grid => (pixels + spacing - 1) / spacing,
-            Self::Batches => BATCH * batches(pixels, spacing),
+            Self::Grid => (pixels + SPACING - 1) / SPACING,
+            Self::Batches => BATCH * batches(pixels),
         }
     }
 }
@@ -165,17 +165,13 @@ impl Slot {
     }
 }
 
-/// The pixels along a side of the square in which a batch is drawn. Matches `batch.wgsl`.
+/// The pixels along a side of the square whose gaps form a batch, and of the one in which it is drawn. Matches
+/// `batch.wgsl`.
 pub(in crate::render) const BATCH: u32 = 32;
-/// The largest number of gaps in a batch. Matches `batch.wgsl`.
-pub(super) const MOST_GAPS: u32 = 256;
-
-/// Returns the pixels along a side of the square of the view whose gaps form a batch.
-pub(in crate::render) fn batch_side(spacing: u32) -> u32 {
-    BATCH / spacing * spacing
-}
+/// The largest number of gaps in a batch.
+pub(super) const MOST_GAPS: u32 = (BATCH / SPACING).pow(2);
 
 /// Returns the numbers of batches for `size` pixels, along each axis.
-pub(in crate::render) fn batches(size: UVec2, spacing: u32) -> UVec2 {
-    (size + batch_side(spacing) - 1) / batch_side(spacing)
+pub(in crate::render) fn batches(size: UVec2) -> UVec2 {
+    (size + BATCH - 1) / BATCH
 }

@@ -88,7 +88,7 @@ impl Textures {
 
     /// Creates what a slot holds, unless it exists or belongs to others. Returns whether there is enough memory.
     fn create(&mut self, device: &RenderDevice, slot: Slot, plan: &Plan) -> bool {
-        let batches = batches(self.size, plan.spacing).element_product();
+        let batches = batches(self.size).element_product();
         match slot {
             Slot::View | Slot::Screen | Slot::Lit | Slot::Shades => true,
             Slot::Scene | Slot::Target | Slot::TargetDepth | Slot::PrepassMotion => true,
@@ -99,7 +99,7 @@ impl Textures {
     }
 
     fn create_texture(&mut self, device: &RenderDevice, slot: Slot, plan: &Plan) -> bool {
-        let (mut size, mut format, mut samples) = (slot.rays().size(self.size, plan.spacing), slot.format(), 1);
+        let (mut size, mut format, mut samples) = (slot.rays().size(self.size), slot.format(), 1);
         if slot.is_of_target() {
             size = plan.target.size;
             format = format.or(Some(plan.target.format));

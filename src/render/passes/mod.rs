@@ -52,7 +52,7 @@ pub const LIGHTING_SPANS: &[&str] = &[lighting::LIGHTING, lighting::SMOOTH_LIGHT
 /// Returns the passes of a frame, in the order in which they run.
 pub(super) fn of(plan: &Plan) -> Vec<Pass> {
     let mut passes = vec![];
-    for rays in if plan.is_sparse() { &[RaySet::Grid, RaySet::Batches][..] } else { &[RaySet::Pixels] } {
+    for rays in if plan.is_sparse { &[RaySet::Grid, RaySet::Batches][..] } else { &[RaySet::Pixels] } {
         passes.extend(volume::solid(plan, *rays));
         passes.push(volume::volume(plan, *rays));
         match rays {

@@ -1,6 +1,6 @@
 //! Rays where the picture needs them, for views that do not cast a ray for every pixel.
 //!
-//! The volume pass first draws a *grid* of rays, one for every `PropQuality::ray_spacing` pixels along each axis. The
+//! The volume pass first draws a *grid* of rays, one for every second pixel along each axis. The
 //! *check* pass compares the rays around each *gap* between them, and collects the gaps where they differ in *batches*.
 //! The pixels of these are marched in textures of their own, side by side, because graphics cards gain nothing by
 //! leaving out single pixels. The *fill* pass takes the results to their places in the layer, and interpolates the rays

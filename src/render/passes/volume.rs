@@ -17,8 +17,7 @@ use crate::{
     gpu::{FieldShape, TreeShape, field_definitions},
     render::{
         frame::{
-            BATCH, Blend, CachedResult, Clear, Draw, FirstGroup, Pass, Pipelines, Place, Program, RaySet, Slot,
-            batch_side, batches,
+            BATCH, Blend, CachedResult, Clear, Draw, FirstGroup, Pass, Pipelines, Place, Program, RaySet, Slot, batches,
         },
         plan::{Feature, Kind, Plan, PlannedProp},
     },
@@ -147,7 +146,7 @@ fn volume_program(plan: &Plan, rays: RaySet, kind: Kind) -> Program {
 /// Returns a pass that marches through props, without its draws.
 fn marching(name: &'static str, plan: &Plan, rays: RaySet) -> Pass {
     Pass {
-        feature: if plan.is_sparse() { Feature::Sparse } else { Feature::Base },
+        feature: if plan.is_sparse { Feature::Sparse } else { Feature::Base },
         group: match rays {
             RaySet::Batches => FirstGroup::Batches(plan.samples),
             RaySet::Pixels | RaySet::Grid => FirstGroup::SceneDepth(plan.samples),
@@ -178,8 +177,8 @@ fn draw(plan: &Plan, rays: RaySet, prop: &PlannedProp, program: usize, instance:
     if prop.rect.is_empty() {
         return None;
     }
-    let (low, high) = (prop.rect.min / batch_side(plan.spacing), batches(prop.rect.max, plan.spacing));
-    let of_row = 6 * batches(plan.rect.size, plan.spacing).x;
+    let (low, high) = (prop.rect.min / BATCH, batches(prop.rect.max));
+    let of_row = 6 * batches(plan.rect.size).x;
     let scissor = Some(URect { min: BATCH * low, max: BATCH * high });
     Some(Draw { vertices: low.y * of_row..high.y * of_row, scissor, ..draw })
 }

@@ -26,7 +26,6 @@ pub(in crate::render) fn look_ahead(
     let plan = Plan {
         samples: known.samples,
         target: Target { format: known.view.target_format, ..default() },
-        spacing: 1,
         // Programs of props that overlap no other bind nothing of this.
         overlaps: true,
         posterizes: visible.view_posterize.is_some() || props().any(|prop| prop.posterize.is_some()),

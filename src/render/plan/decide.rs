@@ -6,7 +6,7 @@ use super::{
     motion::Motion,
     overlap::overlaps,
     steady::{Former, FormerProp},
-    view::{Feature, Kind, Plan, PlanValues, PlannedProp, Target},
+    view::{Feature, Kind, Plan, PlanValues, PlannedProp, SPACING, Target},
 };
 use crate::{
     camera::PropPlacement,
@@ -87,8 +87,8 @@ pub(in crate::render) fn decide(
     let most = target_size.saturating_sub(viewport.physical_position).min(size);
     let placement = known.placement;
     let in_scene = placement == PropPlacement::Scene;
-    let spacing = if quality.ray_tolerance > 0.0 && has(Feature::Sparse) { quality.ray_spacing } else { 1 };
-    let spacing = held.map_or(spacing, |held| held.spacing);
+    let is_sparse = held.map_or(quality.ray_tolerance > 0.0 && has(Feature::Sparse), |held| held.is_sparse);
+    let spacing = if is_sparse { SPACING } else { 1 };
     // At the display, the effects that jitter is for are over.
     let motion = Motion::new(view, known.jitter.filter(|_| in_scene), known.previous, size);
 
@@ -182,7 +182,7 @@ pub(in crate::render) fn decide(
     let iterations = filters.iter().map(|filter| filter.iterations).max().unwrap_or(0);
     // What pipelines depend on. A held view keeps it.
     let pipelines = held.cloned().unwrap_or_else(|| Plan {
-        spacing,
+        is_sparse,
         iterations,
         posterizes: owners.iter().any(|(posterize, ..)| posterize.is_some()),
         posterizes_view: view_posterize.is_some(),

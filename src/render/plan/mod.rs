@@ -11,4 +11,4 @@ mod view;
 pub(super) use ahead::look_ahead;
 pub(super) use decide::{Known, decide};
 pub(super) use levels::choose_levels;
-pub(super) use view::{Feature, Kind, Plan, PlanValues, PlannedProp, drawn_viewport};
+pub(super) use view::{Feature, Kind, Plan, PlanValues, PlannedProp, SPACING, drawn_viewport};

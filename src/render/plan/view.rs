@@ -18,6 +18,9 @@ use crate::{
     render::uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
 };
 
+/// Pixels per ray of the grid, along each axis, where rays are cast for some pixels only. Matches `batch.wgsl`.
+pub(in crate::render) const SPACING: u32 = 2;
+
 /// Everything that is decided about a frame of a view.
 #[derive(Clone, Default)]
 pub(in crate::render) struct Plan {
@@ -33,8 +36,8 @@ pub(in crate::render) struct Plan {
     pub samples: u32,
     /// The camera's target, as the last passes see it.
     pub target: Target,
-    /// Pixels per ray of the grid, along each axis.
-    pub spacing: u32,
+    /// Whether rays are cast for some pixels only, at first.
+    pub is_sparse: bool,
     /// The largest number of filter iterations.
     pub iterations: u32,
     /// Whether anything is posterized.
@@ -205,14 +208,9 @@ impl Plan {
         self.finishes() || self.steadies() || !self.stages.is_empty()
     }
 
-    /// Returns whether rays are cast for some pixels only, at first.
-    pub fn is_sparse(&self) -> bool {
-        self.spacing > 1
-    }
-
     /// Returns whether layers say who owns a pixel. Rays of different owners are not interpolated.
     pub fn has_owners(&self) -> bool {
-        self.posterizes || self.is_lit || self.is_sparse()
+        self.posterizes || self.is_lit || self.is_sparse
     }
 
     /// Returns whether it has a feature that must not go while pipelines are compiled. Custom stages may: their shaders
@@ -224,7 +222,7 @@ impl Plan {
             Feature::Posterize => self.posterizes,
             Feature::Lighting => self.is_lit,
             Feature::Objects => self.has_objects,
-            Feature::Sparse => self.is_sparse(),
+            Feature::Sparse => self.is_sparse,
             Feature::Edges => self.smooths,
             Feature::Finish => self.finishes() || self.steadies(),
             Feature::Stages => false,

@@ -8,7 +8,7 @@ use bevy_plenoctree::{
     headless::{Headless, exact_camera, pinhole_view},
 };
 use image::RgbaImage;
-use plenoctree::{PlenOctree, Precision, camera::PinholeCamera, palette::Palette};
+use plenoctree::{PlenOctree, camera::PinholeCamera, palette::Palette};
 use plenoctree_cli::result::Result;
 
 use super::variants::Variant;
@@ -37,36 +37,31 @@ pub struct Stage {
     is_right: bool,
     /// The last shade of the palette's first color.
     shade: f32,
-    /// The field at every precision.
-    handles: [Handle<PlenOctree>; 2],
+    handle: Handle<PlenOctree>,
 }
 
 impl Stage {
-    /// Starts an app and uploads the field at every precision.
+    /// Starts an app and uploads the field.
     pub fn new(field: &PlenOctree, palette: &Palette, size: (u32, u32)) -> Result<Self> {
         let mut headless = Headless::new(size.into(), |app| {
             app.add_plugins(PlenOctreePlugin);
         })?;
         let target = headless.target();
         let world = headless.app.world_mut();
-        let handles = [Precision::Half, Precision::Byte].map(|precision| {
-            let handle = world.resource_mut::<Assets<PlenOctree>>().add(field.clone().with_precision(precision));
-            world.resource_mut::<Palettes>().insert(&handle, FieldPalette::new(palette.clone()));
-            handle
-        });
-        let prop = world.spawn(Prop(handles[0].clone())).id();
+        let handle = world.resource_mut::<Assets<PlenOctree>>().add(field.clone());
+        world.resource_mut::<Palettes>().insert(&handle, FieldPalette::new(palette.clone()));
+        let prop = world.spawn(Prop(handle.clone())).id();
         let camera = world.spawn((exact_camera(Color::WHITE), target)).id();
         headless.wait_until_ready(UPLOAD_TIMEOUT)?;
-        Ok(Self { headless, field: field.clone(), prop, camera, is_right: false, shade: 0.0, handles })
+        Ok(Self { headless, field: field.clone(), prop, camera, is_right: false, shade: 0.0, handle })
     }
 
     /// Draws at a variant's quality from now on. The first frame makes the level that it requires.
     pub fn set(&mut self, variant: &Variant, posterize: Option<Posterize>) {
-        let handle = self.handles[usize::from(variant.precision == Precision::Byte)].clone();
         let world = self.headless.app.world_mut();
         world.entity_mut(self.camera).insert(variant.quality);
         let mut prop = world.entity_mut(self.prop);
-        prop.insert(Prop(handle)).remove::<Posterize>();
+        prop.remove::<Posterize>();
         if let Some(posterize) = posterize {
             prop.insert(posterize);
         }
@@ -86,7 +81,7 @@ impl Stage {
             Change::Palette => {
                 self.shade = (self.shade + 0.1) % 1.0;
                 let mut palettes = self.headless.app.world_mut().resource_mut::<Palettes>();
-                if let Some(palette) = palettes.get_mut(&self.handles[0]) {
+                if let Some(palette) = palettes.get_mut(&self.handle) {
                     palette.set(0, Color::srgb(self.shade, 0.5, 0.5));
                 }
             }

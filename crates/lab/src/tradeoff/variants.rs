@@ -2,7 +2,6 @@
 
 use bevy_plenoctree::{PropQuality, QualityPreset};
 use plenoctree::{
-    Precision,
     palette::{ExtractionSettings, PaletteMethod},
     sampling::SamplingSettings,
 };
@@ -16,19 +15,17 @@ pub struct Variant {
     pub value: String,
     /// The quality of the camera.
     pub quality: PropQuality,
-    /// The precision of the field on the GPU.
-    pub precision: Precision,
 }
 
 /// Returns the variants of rendering, the exact one first.
 pub fn rendering() -> Vec<Variant> {
-    let variant = |setting, value: String, quality, precision| Variant { setting, value, quality, precision };
-    let mut all = vec![variant("exact", String::new(), PropQuality::EXACT, Precision::Half)];
+    let variant = |setting, value: String, quality| Variant { setting, value, quality };
+    let mut all = vec![variant("exact", String::new(), PropQuality::EXACT)];
     let mut knob = |setting, values: &[f32], turn: fn(&mut PropQuality, f32)| {
         for value in values {
             let mut quality = PropQuality::EXACT;
             turn(&mut quality, *value);
-            all.push(variant(setting, value.to_string(), quality, Precision::Half));
+            all.push(variant(setting, value.to_string(), quality));
         }
     };
     knob("stop_transmittance", &[0.02, 0.05, 0.1], |quality, value| quality.stop_transmittance = value);
@@ -36,16 +33,11 @@ pub fn rendering() -> Vec<Variant> {
     knob("opacity_loss", &[0.002, 0.01, 0.02, 0.05], |quality, value| quality.opacity_loss = value);
     knob("cell_size", &[0.7, 1.0, 1.5, 2.0, 3.0], |quality, value| quality.cell_size = value);
     knob("ray_tolerance", &[0.03, 0.06, 0.1, 0.2, 0.4, 1.0], |quality, value| quality.ray_tolerance = value);
-    // Of the rays of a grid.
-    knob("ray_spacing", &[3.0, 4.0], |quality, value| {
-        (quality.ray_spacing, quality.ray_tolerance) = (value as u32, 0.4);
-    });
     knob("edge_rays", &[4.0], |quality, value| quality.edge_rays = value as u32);
     knob("estimates_edges", &[1.0], |quality, value| quality.estimates_edges = value > 0.0);
     knob("filter_iterations", &[3.0, 2.0, 1.0, 0.0], |quality, value| quality.filter_iterations = value as u32);
-    all.push(variant("precision", "byte".into(), PropQuality::EXACT, Precision::Byte));
     for (preset, name) in QualityPreset::ALL.into_iter().zip(["exact", "high", "balanced", "fast"]).skip(1) {
-        all.push(variant("preset", name.into(), preset.quality(), Precision::Half));
+        all.push(variant("preset", name.into(), preset.quality()));
     }
     all
 }

@@ -16,4 +16,4 @@ pub use coefficients::Codebook;
 pub(crate) use coefficients::from_rgb;
 pub(crate) use coefficients::{Coefficients, Tables};
 pub use frame::{Frame, UpAxis};
-pub use octree::{InvalidField, MAX_DEPTH, PlenOctree, Precision};
+pub use octree::{InvalidField, MAX_DEPTH, PlenOctree};

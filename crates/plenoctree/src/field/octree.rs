@@ -2,11 +2,8 @@
 
 use std::{borrow::Cow, sync::Arc};
 
-#[cfg(feature = "bevy")]
-use bevy_reflect::std_traits::ReflectDefault;
 use glam::{DVec3, UVec3};
 use half::f16;
-use serde::{Deserialize, Serialize};
 
 use super::{
     activation::Activation,
@@ -21,28 +18,6 @@ use crate::histograms::{Histograms, Recorded, SamplingSettings};
 ///
 /// svox builds trees of at most 10 or 11 levels.
 pub const MAX_DEPTH: u32 = 20;
-
-/// The precision of a field's coefficients on the GPU.
-///
-/// On the CPU, coefficients are always half floats, and palettes that are sampled there do not depend on this. Sampling
-/// on the GPU reads what is on the GPU. Packed fields ignore it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[cfg_attr(
-    feature = "bevy",
-    derive(bevy_reflect::Reflect),
-    reflect(Default, Clone, Debug, PartialEq, Hash),
-    type_path = "plenoctree"
-)]
-pub enum Precision {
-    /// Half floats, as stored in the field. The default.
-    #[default]
-    Half,
-    /// All coefficients except those of the constant function as signed bytes, relative to the largest of them in the
-    /// leaf.
-    ///
-    /// This halves the memory of SH9, SH16 and SH25. Smaller bases would gain nothing and keep half floats.
-    Byte,
-}
 
 /// An error that occurs when the parts given to [`PlenOctree::new`] do not form a valid field.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -107,7 +82,6 @@ pub struct PlenOctree {
     basis: Basis,
     activation: Activation,
     up: UpAxis,
-    precision: Precision,
     depth: u32,
     bounds: Option<(UVec3, UVec3)>,
     nodes: Arc<Vec<[Cell; 8]>>,
@@ -185,7 +159,6 @@ impl PlenOctree {
             basis,
             activation,
             up,
-            precision: Precision::default(),
             depth,
             bounds: None,
             nodes: Arc::new(nodes),
@@ -313,16 +286,6 @@ impl PlenOctree {
     /// Returns the axis that points up.
     pub fn up(&self) -> UpAxis {
         self.up
-    }
-
-    /// Returns the precision of the coefficients on the GPU.
-    pub fn precision(&self) -> Precision {
-        self.precision
-    }
-
-    /// Returns the field with another precision on the GPU.
-    pub fn with_precision(self, precision: Precision) -> Self {
-        Self { precision, ..self }
     }
 
     /// Returns the field with another axis that points up. It stays where it is, in its own frame.

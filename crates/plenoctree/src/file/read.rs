@@ -18,7 +18,7 @@ use super::packed::{MAGIC, read_packed};
 use super::quantized::{QUANTIZED, read_quantized};
 use super::walk::Tree;
 use crate::{
-    field::{Activation, Basis, Frame, PlenOctree, Precision, UpAxis},
+    field::{Activation, Basis, Frame, PlenOctree, UpAxis},
     sampling::InvalidSetting,
 };
 
@@ -48,14 +48,11 @@ pub struct LoadSettings {
     /// per width of a finest cell. Otherwise, fields in small units, such as millimeters, would lose what is faint in
     /// every cell. 0.01 by default. Leaves whose density is 0 or negative are always dropped. NaN is an error.
     pub density_threshold: f32,
-    /// Precision of the coefficients on the GPU. [`Precision::Half`] by default. Does not apply to packed fields, which
-    /// take less memory either way.
-    pub precision: Precision,
 }
 
 impl Default for LoadSettings {
     fn default() -> Self {
-        Self { activation: None, up: None, density_threshold: 0.01, precision: Precision::default() }
+        Self { activation: None, up: None, density_threshold: 0.01 }
     }
 }
 
@@ -117,7 +114,7 @@ fn read(reader: &mut dyn Source, settings: &LoadSettings) -> Result<PlenOctree, 
     if first == MAGIC {
         let field = read_packed(reader)?.with_settings(settings.activation, settings.up);
         let threshold = settings.density_threshold_in(field.frame(), field.depth());
-        return Ok(field.thinned(threshold).with_precision(settings.precision));
+        return Ok(field.thinned(threshold));
     }
     let mut archive = Archive::open(reader)?;
     let basis = read_basis(&mut archive)?;
@@ -133,7 +130,6 @@ fn read(reader: &mut dyn Source, settings: &LoadSettings) -> Result<PlenOctree, 
     };
     let activation = settings.activation.unwrap_or(basis.default_activation());
     PlenOctree::new(frame, basis, activation, settings.up.unwrap_or_default(), tree.nodes, density, coefficients)
-        .map(|field| field.with_precision(settings.precision))
         .map_err(ReadFault::Field)
 }
 

@@ -88,12 +88,8 @@ fn leaves_are_where_and_what_the_file_says() {
 fn settings_say_what_the_file_does_not() {
     let file = example(Basis::Sh4).stored();
     for density_threshold in [-1.0, 0.0, 0.01, 50.0] {
-        let settings = LoadSettings {
-            activation: Some(Activation::ShiftedRelu),
-            up: Some(UpAxis::Y),
-            density_threshold,
-            ..Default::default()
-        };
+        let settings =
+            LoadSettings { activation: Some(Activation::ShiftedRelu), up: Some(UpAxis::Y), density_threshold };
         let field = read_with(&file, &settings).unwrap();
         assert_eq!((field.activation(), field.up()), (Activation::ShiftedRelu, UpAxis::Y));
         assert_is_example(&field, density_threshold.into());

@@ -98,12 +98,8 @@ fn what_a_file_records_can_be_overridden() {
     let load = |settings: &LoadSettings| {
         PlenOctree::read_from(Cursor::new(packed.bytes()), "test.plenoctree", settings).unwrap()
     };
-    let settings = LoadSettings {
-        activation: Some(Activation::ShiftedRelu),
-        up: Some(UpAxis::Z),
-        density_threshold: 50.0,
-        ..Default::default()
-    };
+    let settings =
+        LoadSettings { activation: Some(Activation::ShiftedRelu), up: Some(UpAxis::Z), density_threshold: 50.0 };
     let field = load(&settings);
     assert_eq!((field.activation(), field.up()), (Activation::ShiftedRelu, UpAxis::Z));
     let dense = packed.field().densities().iter().filter(|density| **density >= 50.0);

@@ -1,8 +1,5 @@
 //! Cells of different sizes.
 
-#[cfg(feature = "splat")]
-use plenoctree::Cell;
-
 /// Levels of cells in a block.
 pub const BLOCK: u32 = 5;
 
@@ -78,35 +75,5 @@ impl Cells {
             }
         }
         blocks
-    }
-
-    /// Returns the nodes of the tree whose leaves are the cells. `depth` is the level of its finest cells.
-    #[cfg(feature = "splat")]
-    pub fn nodes(&self, depth: u32) -> Vec<[Cell; 8]> {
-        let mut nodes = Vec::new();
-        self.append_node(&mut nodes, &mut 0, 0, depth);
-        nodes
-    }
-
-    /// Appends the node of the cell with this code, which is `level` levels above the finest cells, and all below it.
-    #[cfg(feature = "splat")]
-    fn append_node(&self, nodes: &mut Vec<[Cell; 8]>, next: &mut usize, code: u64, level: u32) {
-        let node = nodes.len();
-        nodes.push([Cell::EMPTY; 8]);
-        let below = level - 1;
-        for octant in 0..8 {
-            let code = code + ((octant as u64) << (3 * below));
-            if self.codes.get(*next).is_none_or(|first| *first >= code + (1 << (3 * below))) {
-                continue;
-            }
-            nodes[node][octant] = if u32::from(self.levels[*next]) == below {
-                *next += 1;
-                Cell::leaf(*next as u32 - 1)
-            } else {
-                let child = Cell::node(nodes.len() as u32);
-                self.append_node(nodes, next, code, below);
-                child
-            };
-        }
     }
 }

@@ -138,7 +138,7 @@ pub fn refine(
         return Ok(Refined { field: field.clone(), before_psnr_db, rounds, kept });
     }
     let refined = to_merged_field(&grid, &seen(&grid, &training), field.leaves())?;
-    let refined = refined.with_up(field.up()).with_precision(field.precision());
+    let refined = refined.with_up(field.up());
     Ok(Refined { field: refined, before_psnr_db, rounds, kept })
 }
 

@@ -81,7 +81,7 @@ pub fn simplify(
     let mut gallery = Gallery::held(views(&shots));
     let grid = refine_by(grid, &mut gallery, &[], &[stage], settings.seed, progress)?.grid;
     let simple = to_field(&grid, &visibility::visible(&grid, &gallery.cameras(), limits))?;
-    Ok(simple.with_up(field.up()).with_precision(field.precision()).with_histograms_of(field))
+    Ok(simple.with_up(field.up()).with_histograms_of(field))
 }
 
 fn photograph(grid: &Grid, camera: &PinholeCamera) -> Shot {
@@ -116,7 +116,7 @@ mod tests {
 
     use super::*;
     use plenoctree::{
-        BakeSettings, Basis, PackSettings, Packed, Precision, UpAxis, bake,
+        BakeSettings, Basis, PackSettings, Packed, UpAxis, bake,
         sampling::{Progress, SamplingSettings},
     };
 
@@ -131,11 +131,11 @@ mod tests {
                 [DVec3::new(1.0, 1.7, 2.3), DVec3::new(2.9, 1.3, 1.9)].map(|k| (1e4 * at.dot(k)).sin());
             move |direction: DVec3| 0.5 + 0.3 * at + 0.05 * grain + 0.2 * noise * direction.x
         };
-        let field = bake(&settings, density, tint).unwrap().with_precision(Precision::Byte);
+        let field = bake(&settings, density, tint).unwrap();
         let settings = SimplifySettings { smoothness: 2e-3, evenness: 5e-4, effort: 0.05, ..Default::default() };
         let simple = simplify(&field, &settings, &FitProgress::default()).unwrap();
         assert!(simple.leaves() < field.leaves() / 2, "{} of {}", simple.leaves(), field.leaves());
-        assert_eq!((simple.up(), simple.precision()), (UpAxis::Y, Precision::Byte));
+        assert_eq!(simple.up(), UpAxis::Y);
         let camera = PinholeCamera::around(&simple, 40, 40, 0.7, -0.4).unwrap();
         let mut worst = 0.0f64;
         for pixel in 0..1600 {

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::{blocks::Block, colors::Directions, settings::VoxelSettings};
 use crate::{
     cells::{BLOCK, Cells},
-    finest::{least_density, position_of},
+    finest::{least_density, position_of, tree_of},
     splat::{error::SplatError, harmonics::functions, splats::Splats},
 };
 
@@ -110,7 +110,8 @@ impl Place {
         let coefficients = cells.colors.par_chunks(3 * self.functions).flat_map_iter(coefficients).collect();
         let frame = Frame::spanning(self.corner, self.corner + self.size);
         let basis = Basis::from_functions(self.functions).unwrap_or(Basis::Sh1);
-        let nodes = cells.nodes(depth);
+        let leaves: Vec<_> = cells.codes.iter().copied().zip(cells.levels.iter().copied().map(u32::from)).collect();
+        let nodes = tree_of(&leaves, depth);
         let field = PlenOctree::new(frame, basis, Activation::Sigmoid, UpAxis::Z, nodes, densities, coefficients)?;
         let field = field.thinned(least_density(frame, depth));
         if field.leaves() == 0 { Err(self.empty()) } else { Ok(field) }
