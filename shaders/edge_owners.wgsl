@@ -1,10 +1,13 @@
 // Finds the pixels at the edges of posterized props, and the props that may cover parts of them.
 #define_import_path bevy_plenoctree::edge_owners
 
-#import bevy_plenoctree::edge::{MASK_OF_ESTIMATES, MASK_OF_PROPS, MASK_OF_RAYS, neighbor}
+#import bevy_plenoctree::edge::{MASK_OF_PROPS, MASK_OF_RAYS, neighbor}
+#ifdef ESTIMATES
+#import bevy_plenoctree::edge::MASK_OF_ESTIMATES
 #import bevy_plenoctree::edge_opacity::{is_cut, opacity_around}
+#endif
 #import bevy_plenoctree::view::{
-    SMOOTHS_NOTHING, SMOOTHS_SLITS, is_drawn, is_solid, owner_of, props, screen, unpack_owner, view,
+    SMOOTHS_NOTHING, SMOOTHS_SLITS, is_drawn, is_solid, owner_of, props, screen, unpack_owner,
 }
 
 // A pixel, and whether it is at an edge.
@@ -86,13 +89,14 @@ fn edge_at(
     if !ends || all(owners == vec2(0u)) {
         return Edge(vec2(0u), inside);
     }
-    let estimates = view.estimates_edges == 1u;
-    let around = opacity_around(layer, owner, pixel, select(vec2(0u), owners, estimates));
-    if !around.is_known {
-        return Edge(owners, MASK_OF_RAYS);
-    }
-    if !is_cut(around) {
+#ifdef ESTIMATES
+    let around = opacity_around(layer, owner, pixel, owners);
+    if around.is_known {
+        if is_cut(around) {
+            return Edge(owners, MASK_OF_ESTIMATES);
+        }
         return Edge(vec2(0u), inside);
     }
-    return Edge(owners, MASK_OF_ESTIMATES);
+#endif
+    return Edge(owners, MASK_OF_RAYS);
 }

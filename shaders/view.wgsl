@@ -52,8 +52,6 @@ struct View {
     stop_transmittance: f32,
     // The number of rays through a pixel where a posterized prop ends: 4 or 8, and 8 with multisampling.
     edge_rays: u32,
-    // 1 if edges follow from opacity alone where it says enough, otherwise 0.
-    estimates_edges: u32,
     // Transforms from clip space to that of the viewport, without the camera's temporal jitter.
     unjittered_from_clip: mat4x4<f32>,
     // The least depth that the camera writes to its depth buffer, and how many times the depths from 0 to 1 they are.

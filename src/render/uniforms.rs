@@ -226,7 +226,6 @@ pub(super) struct ViewUniform {
     pub ray_tolerance: f32,
     pub stop_transmittance: f32,
     pub edge_rays: u32,
-    pub estimates_edges: u32,
     pub unjittered_from_clip: Mat4,
     pub depth_range: Vec2,
     /// The number of props, and of the posterized view.

@@ -43,7 +43,8 @@ const PLACES: Slot = Slot::Even;
 pub(super) fn outline(plan: &Plan) -> Option<Pass> {
     let is_several = plan.has_several_props;
     let rays: &[Slot] = if is_several { &[Slot::Coverage, Slot::OwnRays, Slot::OtherRays] } else { &[] };
-    let program = Program::new("outline").define_if(is_several, "SEVERAL").depth_test(CompareFunction::Always, true);
+    let program = Program::new("outline").define_if(is_several, "SEVERAL").define_if(plan.estimates_edges, "ESTIMATES");
+    let program = program.depth_test(CompareFunction::Always, true);
     (plan.smooths && !plan.composite_outlines()).then(|| Pass {
         feature: Feature::Edges,
         reads: vec![vec![Slot::COLOR, Slot::OWNER, Slot::DEPTH]],
@@ -92,7 +93,7 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         draws.push(Draw { field, instance: index as u32, scissor, ..Draw::triangle(program) });
     }
     // Opacity is that of one prop where the boxes of no others are.
-    if pixels != Pixels::OfOwners {
+    if plan.estimates_edges && pixels != Pixels::OfOwners {
         let program = Program { blends: blends.to_vec(), ..Program::new("estimate") };
         programs.push(program.define_number("SAMPLES", Some(plan.samples)).at_estimated_edges());
         draws.push(Draw::triangle(programs.len() - 1));

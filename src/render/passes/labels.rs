@@ -29,6 +29,7 @@ pub(super) fn composite(plan: &Plan) -> Option<Pass> {
         .define_all(space(plan.target.space))
         .define_if(plan.iterations == 0, "UNFILTERED")
         .define_if(outlines, "OUTLINE")
+        .define_if(outlines && plan.estimates_edges, "ESTIMATES")
         .depth_test(CompareFunction::Always, outlines);
     let mut reads = vec![Slot::COLOR, Slot::OWNER, Slot::Scene];
     reads.extend(outlines.then_some(Slot::DEPTH));

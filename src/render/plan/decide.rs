@@ -194,6 +194,7 @@ pub(in crate::render) fn decide(
         has_hard_shadows: visible.has_hard_shadows,
         has_several_props: props.len() > 1,
         smooths: props.iter().any(|prop| prop.smooths != Smooths::Nothing),
+        estimates_edges: quality.estimates_edges,
         has_smooth_borders: finishes && labelings.iter().any(|labels| labels.smooth_borders > 0),
         has_ink: finishes && labelings.iter().any(|labels| labels.ink.lines > 0),
         has_motion: true,
@@ -211,7 +212,6 @@ pub(in crate::render) fn decide(
             ray_tolerance: quality.ray_tolerance,
             stop_transmittance: quality.stop_transmittance,
             edge_rays: if known.samples > 1 { 8 } else { quality.edge_rays },
-            estimates_edges: quality.estimates_edges.into(),
             unjittered_from_clip: (motion.unjittered_from_clip * rect.viewport_from_clip()).as_mat4(),
             // Nothing is divided by an empty range.
             depth_range: Vec2::new(viewport.depth.start, (viewport.depth.end - viewport.depth.start).max(1e-6)),

@@ -64,6 +64,8 @@ pub(in crate::render) struct Plan {
     pub has_several_props: bool,
     /// Whether any edge is smooth.
     pub smooths: bool,
+    /// Whether edges follow from opacity alone where it says enough.
+    pub estimates_edges: bool,
     /// Whether borders between labels are smooth anywhere.
     pub has_smooth_borders: bool,
     /// Whether anything has ink.
