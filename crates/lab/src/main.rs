@@ -5,6 +5,8 @@ mod bake;
 mod coherence;
 mod evidence;
 mod look;
+mod packing;
+mod plot;
 mod recolor;
 mod report;
 mod steady;
@@ -30,6 +32,7 @@ enum Command {
     Coherence(coherence::Arguments),
     Evidence(evidence::Arguments),
     Look(look::Arguments),
+    Packing(packing::Arguments),
     Steady(steady::Arguments),
     Bake(bake::Arguments),
 }
@@ -41,6 +44,7 @@ impl CommandLine {
             Command::Coherence(arguments) => coherence::run(arguments),
             Command::Evidence(arguments) => evidence::run(arguments),
             Command::Look(arguments) => look::run(arguments),
+            Command::Packing(arguments) => packing::run(arguments),
             Command::Steady(arguments) => steady::run(arguments),
             Command::Bake(arguments) => bake::run(arguments),
         }

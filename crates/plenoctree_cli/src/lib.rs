@@ -19,7 +19,6 @@ mod info;
 pub mod number;
 pub mod pack;
 mod palette;
-pub mod plot;
 pub mod preset;
 pub mod progress;
 mod ramps;

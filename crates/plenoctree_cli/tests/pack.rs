@@ -9,30 +9,15 @@ use plenoctree::{
 };
 
 #[test]
-fn a_field_is_packed_and_reported() {
+fn a_field_is_packed_and_measured() {
     let folder = folder("pack");
     let source = ball(&folder);
-    let report = folder.join("report");
-    let printed = succeed(&[
-        "pack",
-        text(&source),
-        "--size",
-        "40x40",
-        "--views",
-        "2",
-        "--report",
-        text(&report),
-        "--hidden",
-        "0",
-    ]);
-    assert!(!printed.contains("HEAD"), "{printed}");
+    let printed = succeed(&["pack", text(&source), "--size", "40x40", "--views", "2", "--hidden", "0"]);
+    assert!(!printed.contains("HEAD") && printed.contains("dB from the field in 2 views"), "{printed}");
     assert!(printed.contains("0 of ") && printed.contains("leaves dropped") && printed.contains("ball.plenoctree"));
     let read = |name: &str| PlenOctree::read(folder.join(name), &LoadSettings::default()).unwrap();
     let packed = read("ball.plenoctree");
     assert_eq!((packed.nodes(), packed.codebook().is_some()), (read("ball.npz").nodes(), true));
-    let table = std::fs::read_to_string(report.join("packing.md")).unwrap();
-    assert_eq!(table.lines().filter(|line| line.starts_with("| ")).count(), 4, "{table}");
-    assert!(report.join("psnr.svg").exists() && report.join("labels.svg").exists());
     assert!(succeed(&["info", text(&folder.join("ball.plenoctree"))]).contains("packed"));
 
     let quantized = folder.join("quantized.npz");
@@ -109,9 +94,6 @@ fn what_cannot_be_packed_is_an_error() {
     // Packing again would replace it.
     assert!(fail(&["pack", text(&packed)]).contains("ball.plenoctree: would overwrite its input"));
     assert!(fail(&["pack", text(&source), text(&packed)]).contains("ball.plenoctree: would overwrite its input"));
-    assert!(
-        fail(&["pack", text(&source), "--views", "0", "--report", text(&folder)]).contains("--report compares views")
-    );
     assert!(fail(&["pack", text(&source), text(&source), "--out", text(&packed)]).contains("several fields"));
     std::fs::write(folder.join("bad.plenoctree"), b"\x89PLO\r\n\x1a\n").unwrap();
     let message = fail(&["info", text(&folder.join("bad.plenoctree"))]);

@@ -1,10 +1,9 @@
 //! Measures, formats and summarizes the differences between neighboring frames.
 
 use image::RgbImage;
-use plenoctree_cli::{
-    number::counted,
-    plot::{self, COLORS, Line},
-};
+use plenoctree_cli::number::counted;
+
+use crate::plot::{self, COLORS, Line};
 
 /// A difference is a spike if it is more than this many times that of the frames as trained, which is motion alone.
 const SPIKE: f64 = 1.5;

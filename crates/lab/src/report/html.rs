@@ -1,8 +1,7 @@
 //! Formats a report as HTML.
 
-use plenoctree_cli::plot::escape;
-
 use super::content::{Block, Cell, Picture, Report, Table};
+use crate::plot::escape;
 
 const STYLE: &str = "\
 body { font: 16px/1.5 system-ui, sans-serif; color: #24242c; background: #fff; max-width: 1180px; margin: 2em auto;\

@@ -1,8 +1,7 @@
 //! Plots of accuracy over time.
 
-use plenoctree_cli::plot::{COLORS, Line, Mark, Plot};
-
 use super::measure::Row;
+use crate::plot::{COLORS, Line, Mark, Plot};
 
 /// Plots every row that has a `value` over its time relative to the exact frame. A line joins the Pareto front.
 pub fn svg(rows: &[Row], label: &str, from_zero: bool, value: impl Fn(&Row) -> Option<f64>) -> String {

@@ -44,6 +44,17 @@ pub struct Arguments {
     /// Write the quantized .npz layout of volrend instead; requires --out.
     #[arg(long, requires = "out")]
     pub npz: bool,
+    /// The views to measure.
+    #[command(flatten)]
+    pub views: ViewArguments,
+    /// Also print the size of every section of the file.
+    #[arg(long)]
+    pub verbose: bool,
+}
+
+/// The views in which packed fields are measured.
+#[derive(Args)]
+pub struct ViewArguments {
     /// A transforms.json file (NeRF, nerfstudio) in the field's coordinates, with the views to measure; by default,
     /// views from around the field.
     #[arg(long)]
@@ -54,12 +65,6 @@ pub struct Arguments {
     /// The number of views to measure; 0 for none.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(0..=1000))]
     pub views: u32,
-    /// Also print the size of every section of the file.
-    #[arg(long)]
-    pub verbose: bool,
-    /// Pack with every quality, and write a table and plots of size, accuracy and changed labels to this folder.
-    #[arg(long, value_name = "FOLDER")]
-    pub report: Option<PathBuf>,
 }
 
 /// Named settings of packing.
@@ -105,12 +110,9 @@ impl Quality {
 }
 
 impl Arguments {
-    /// Checks that all files can be written, and that there are views for the report.
+    /// Checks that all files can be written.
     pub fn check(&self) -> Result {
         let outputs: Vec<PathBuf> = self.fields.iter().map(|field| self.out(field)).collect::<Result<_>>()?;
-        if self.report.is_some() && self.views == 0 {
-            return Err("--report compares views; choose --views 1 or more".into());
-        }
         let [outputs, fields] =
             [&outputs, &self.fields].map(|paths| paths.iter().map(PathBuf::as_path).collect::<Vec<_>>());
         files::check_outputs(&outputs, &fields)
@@ -136,16 +138,16 @@ impl Arguments {
         }
     }
 
-    /// Returns how a quality simplifies fields, or `None` if they are to be packed as they are.
-    pub fn simplification(&self, quality: Quality) -> Option<SimplifySettings> {
+    /// Returns how fields are simplified, or `None` if they are to be packed as they are.
+    pub fn simplification(&self) -> Option<SimplifySettings> {
         // Leaves that nobody sees are among those that would go.
-        let is_exact = self.exact || self.settings(quality).hidden == 0.0;
-        (!is_exact).then(|| quality.simplification())
+        let is_exact = self.exact || self.settings().hidden == 0.0;
+        (!is_exact).then(|| self.quality.simplification())
     }
 
-    /// Returns the settings of a quality, with those that were given.
-    pub fn settings(&self, quality: Quality) -> PackSettings {
-        let settings = quality.settings();
+    /// Returns the settings of the quality, with those that were given.
+    pub fn settings(&self) -> PackSettings {
+        let settings = self.quality.settings();
         PackSettings {
             hidden: self.hidden.unwrap_or(settings.hidden),
             below: self.below.unwrap_or(settings.below),

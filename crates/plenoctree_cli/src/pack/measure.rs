@@ -10,7 +10,7 @@ use plenoctree::{
     reference::{Posterization, render},
 };
 
-use super::Arguments;
+use super::ViewArguments;
 use crate::{console, extraction, result::Result, transforms};
 
 /// The size of views from around the field.
@@ -37,14 +37,12 @@ pub struct Loss {
     pub psnr: f64,
     /// The percentage of posterized pixels whose label changed.
     pub labels: f64,
-    /// The largest difference of a channel between the packed field's palette and the field's.
-    pub palette: f64,
 }
 
 impl Views {
     /// Renders the field. Returns `None` if nothing is to be measured, or if the field has no palette: its labels could
     /// not be compared.
-    pub fn new(field: &PlenOctree, arguments: &Arguments) -> Result<Option<Self>> {
+    pub fn new(field: &PlenOctree, arguments: &ViewArguments) -> Result<Option<Self>> {
         let cameras = match &arguments.cameras {
             Some(file) => transforms::read(file, arguments.size)?.cameras,
             None => around(field, arguments.size.unwrap_or(SIZE), arguments.views),
@@ -65,8 +63,15 @@ impl Views {
         Ok(Some(Self { cameras, expected, palette }))
     }
 
+    /// Returns their number.
+    #[allow(clippy::len_without_is_empty, reason = "there is at least one")]
     pub fn len(&self) -> usize {
         self.cameras.len()
+    }
+
+    /// Returns the palette of the field.
+    pub fn palette(&self) -> &Palette {
+        &self.palette
     }
 
     /// Compares the packed field with the field.
@@ -83,8 +88,7 @@ impl Views {
             }
         }
         let labels = 100.0 * changed as f64 / posterized.max(1) as f64;
-        let palette = palette(packed).map_or(1.0, |packed| difference(&packed, &self.palette));
-        Loss { psnr: psnr / self.len() as f64, labels, palette }
+        Loss { psnr: psnr / self.len() as f64, labels }
     }
 }
 
@@ -116,15 +120,7 @@ fn around(field: &PlenOctree, (width, height): (u32, u32), views: u32) -> Vec<Pi
     (0..views).filter_map(of_view).collect()
 }
 
-fn palette(field: &PlenOctree) -> Result<Palette> {
+/// Extracts the palette of a field.
+pub fn palette(field: &PlenOctree) -> Result<Palette> {
     Ok(extraction::cpu::extract(field, &ExtractionSettings::default(), true)?.extraction.palette)
-}
-
-/// Returns the largest difference of a channel between a color and the nearest of the other palette.
-fn difference(found: &Palette, expected: &Palette) -> f64 {
-    let of_color = |color: &[f64; 3]| {
-        let most = |other: &[f64; 3]| (DVec3::from(*color) - DVec3::from(*other)).abs().max_element();
-        expected.colors.iter().map(most).fold(f64::INFINITY, f64::min)
-    };
-    found.colors.iter().map(of_color).fold(0.0, f64::max)
 }

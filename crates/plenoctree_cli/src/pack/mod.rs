@@ -2,41 +2,34 @@
 
 mod arguments;
 mod measure;
-mod report;
 
-pub use arguments::{Arguments, Quality};
+pub use arguments::{Arguments, Quality, ViewArguments};
+pub use measure::{Loss, Views, palette};
 
 use std::path::Path;
 
-use clap::ValueEnum;
 use plenoctree::{PackSettings, Packed, PlenOctree, sampling::Progress};
 use plenoctree_fit::{FitError, FitProgress, SimplifySettings, simplify};
 
 use crate::{console, files, number::counted, progress, result::Result};
-use measure::Views;
 
 /// Packs the fields, writes them, and prints the loss.
 pub fn run(arguments: &Arguments) -> Result {
     arguments.check()?;
-    arguments.report.iter().try_for_each(|folder| files::create_folder(folder))?;
-    let fields: Result<Vec<_>> = arguments.fields.iter().map(|path| pack_file(path, arguments)).collect();
-    match &arguments.report {
-        Some(folder) => report::write(folder, &fields?),
-        None => fields.map(drop),
-    }
+    arguments.fields.iter().try_for_each(|path| pack_file(path, arguments))
 }
 
-/// Packs a field. Returns what each quality gives, if there is to be a report.
-fn pack_file(path: &Path, arguments: &Arguments) -> Result<report::Field> {
+fn pack_file(path: &Path, arguments: &Arguments) -> Result {
     let before = files::size(path)?;
     let out = arguments.out(path)?;
-    arguments.settings(arguments.quality).validate()?;
+    let settings = arguments.settings();
+    settings.validate()?;
     let field = arguments.reading.load(path, false)?;
     // Before it is simplified.
     let field = if arguments.record_histograms { field.recording_histograms(&Progress::default())? } else { field };
     warn_of_density(path, &field);
-    let views = Views::new(&field, arguments)?;
-    let packed = pack(&field, path, arguments, arguments.quality)?;
+    let views = Views::new(&field, &arguments.views)?;
+    let packed = pack(&field, path, &settings, arguments.simplification())?;
     let written = if arguments.npz { packed.write_npz(&out) } else { packed.write(&out) };
     written.map_err(|error| format!("{}: {error}", out.display()))?;
     let after = files::size(&out)?;
@@ -55,28 +48,23 @@ fn pack_file(path: &Path, arguments: &Arguments) -> Result<report::Field> {
         );
     }
     console::say!("{}", out.display());
-    let mut rows = Vec::new();
-    if let (Some(_), Some(views)) = (&arguments.report, &views) {
-        for quality in Quality::value_variants() {
-            let packed =
-                if *quality == arguments.quality { packed.clone() } else { pack(&field, path, arguments, *quality)? };
-            rows.push(report::Row::new(*quality, field.leaves(), &packed, views));
-        }
-    }
-    let name = path.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    Ok(report::Field { name, before, rows })
+    Ok(())
 }
 
-/// Simplifies the field, if it is of the kind, and packs it.
-fn pack(field: &PlenOctree, path: &Path, arguments: &Arguments, quality: Quality) -> Result<Packed> {
-    let settings = arguments.settings(quality);
-    let simple = match arguments.simplification(quality) {
+/// Packs the field of a file. It is simplified before, if that is wanted and the field is of the kind.
+pub fn pack(
+    field: &PlenOctree,
+    path: &Path,
+    settings: &PackSettings,
+    simplification: Option<SimplifySettings>,
+) -> Result<Packed> {
+    let simple = match simplification {
         Some(simplification) => simplified(field, &simplification)
             .inspect_err(|error| console::complain!("warning: {}: packed as it is: {error}", path.display()))
             .ok(),
         None => None,
     };
-    let packed = pack_unchanged(simple.as_ref().unwrap_or(field), &settings);
+    let packed = pack_unchanged(simple.as_ref().unwrap_or(field), settings);
     Ok(packed.map_err(|error| format!("{}: {error}", path.display()))?)
 }
 

@@ -1,18 +1,14 @@
 //! Figure 6: the step width D.
 
 use image::RgbImage;
-use plenoctree_cli::{
-    plot::{self, COLORS, Line},
-    renderer::PosterizeSettings,
-    result::Result,
-    turntable::turned,
-};
+use plenoctree_cli::{renderer::PosterizeSettings, result::Result, turntable::turned};
 
 use super::{
     super::{crop::Crop, data::Evidence, measures, methods::Method, shot::posterize},
     rows::{COLUMNS, PART_COLUMNS, cells, note, opaque},
 };
 use crate::coherence::mean_difference;
+use crate::plot::{self, COLORS, Line};
 use crate::report::{Cell, Picture, Section, Table};
 
 /// The step widths to compare, in encoded sRGB. 0 is a hard edge.

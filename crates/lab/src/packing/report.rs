@@ -2,13 +2,15 @@
 
 use std::path::Path;
 
-use plenoctree::Packed;
-
-use super::{
-    arguments::Quality,
-    measure::{Loss, Views},
+use glam::DVec3;
+use plenoctree::{Packed, palette::Palette};
+use plenoctree_cli::{
+    console, files,
+    pack::{Loss, Quality, Views, palette},
+    result::Result,
 };
-use crate::{console, files, plot, result::Result};
+
+use crate::plot;
 
 /// The results of a quality.
 pub struct Row {
@@ -17,6 +19,8 @@ pub struct Row {
     leaves: usize,
     dropped: usize,
     loss: Loss,
+    /// The largest difference of a channel between the packed field's palette and the field's.
+    palette: f64,
 }
 
 impl Row {
@@ -29,6 +33,7 @@ impl Row {
             leaves: field.leaves(),
             dropped: before - field.leaves(),
             loss: views.compare(field),
+            palette: palette(field).map_or(1.0, |packed| difference(&packed, views.palette())),
         }
     }
 }
@@ -49,7 +54,7 @@ pub fn write(folder: &Path, fields: &[Field]) -> Result {
          |\n|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for Field { name, before, rows } in fields {
-        for Row { quality, bytes, leaves, dropped, loss } in rows {
+        for Row { quality, bytes, leaves, dropped, loss, palette } in rows {
             text += &format!(
                 "| {name} | {} | {:.2} | {:.2} | 1/{:.0} | {leaves} | {:.0}% | {:.1} | {:.2}% | {:.3} |\n",
                 quality.name(),
@@ -59,7 +64,7 @@ pub fn write(folder: &Path, fields: &[Field]) -> Result {
                 100.0 * *dropped as f64 / (leaves + dropped).max(1) as f64,
                 loss.psnr,
                 loss.labels,
-                loss.palette,
+                palette,
             );
         }
     }
@@ -78,4 +83,13 @@ pub fn write(folder: &Path, fields: &[Field]) -> Result {
     console::print(&text);
     console::say!("{}", folder.display());
     Ok(())
+}
+
+/// Returns the largest difference of a channel between a color and the nearest of the other palette.
+fn difference(found: &Palette, expected: &Palette) -> f64 {
+    let of_color = |color: &[f64; 3]| {
+        let most = |other: &[f64; 3]| (DVec3::from(*color) - DVec3::from(*other)).abs().max_element();
+        expected.colors.iter().map(most).fold(f64::INFINITY, f64::min)
+    };
+    found.colors.iter().map(of_color).fold(0.0, f64::max)
 }
