@@ -24,6 +24,14 @@ enum Axes {
     Rdf,
 }
 
+/// Returns an error for the file of a capture, where something else is expected.
+pub fn refuse(path: &Path) -> Result {
+    if ["ply", "spz", "sog"].iter().any(|capture| path.extension().is_some_and(|extension| extension == *capture)) {
+        return Err(format!("{}: found a capture of Gaussian splats; use `plenoctree convert`", path.display()).into());
+    }
+    Ok(())
+}
+
 /// Reads a capture, with a spinner unless `quiet`. Warns about axes that had to be assumed, and about Gaussians that
 /// are left out.
 pub fn load(path: &Path, arguments: CaptureArguments, quiet: bool) -> Result<Splats> {

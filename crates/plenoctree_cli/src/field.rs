@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use plenoctree::{Activation, LoadSettings, PlenOctree, UpAxis};
 
-use crate::{progress, result::Result};
+use crate::{capture, progress, result::Result};
 
 /// The default field, relative to the root of the workspace.
 const DEFAULT: &str = "assets/toadstool.plenoctree";
@@ -67,6 +67,7 @@ impl FieldArguments {
             Up::Y => UpAxis::Y,
             Up::Z => UpAxis::Z,
         });
+        capture::refuse(path)?;
         let spinner = progress::spinner("loading", quiet);
         let field = PlenOctree::read(path, &LoadSettings { activation, up, ..LoadSettings::default() })?;
         spinner.finish_and_clear();

@@ -5,8 +5,8 @@ use half::f16;
 use plenoctree::{Cell, Frame, LoadSettings};
 
 /// Returns the lowest density of leaves that readers of files keep. Files round densities to half floats.
-pub fn least_density(frame: Frame, depth: u32) -> f32 {
-    let threshold = LoadSettings::default().density_threshold_in(frame, depth);
+pub fn least_density(frame: Frame) -> f32 {
+    let threshold = LoadSettings::default().density_threshold_in(frame);
     let nearest = f16::from_f32(threshold);
     if nearest.to_f32() < threshold { f16::from_bits(nearest.to_bits() + 1).to_f32() } else { nearest.to_f32() }
 }

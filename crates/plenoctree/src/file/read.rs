@@ -44,9 +44,9 @@ pub struct LoadSettings {
     /// Axis of the field's frame that points up. `None`, the default, selects the one that a packed field records, and
     /// [`UpAxis::Z`] for other files.
     pub up: Option<UpAxis>,
-    /// Density below which leaves are dropped: per world unit or, if the finest cells are wider than one world unit,
-    /// per width of a finest cell. Otherwise, fields in small units, such as millimeters, would lose what is faint in
-    /// every cell. 0.01 by default. Leaves whose density is 0 or negative are always dropped. NaN is an error.
+    /// Density below which leaves are dropped: per world unit or, if the box is more than 100 units wide, per tenth of
+    /// its longest side. Otherwise, fields in small units, such as millimeters, would lose what is faint in every cell.
+    /// 0.01 by default. Leaves whose density is 0 or negative are always dropped. NaN is an error.
     pub density_threshold: f32,
 }
 
@@ -57,10 +57,11 @@ impl Default for LoadSettings {
 }
 
 impl LoadSettings {
-    /// Returns the density per world unit below which leaves are dropped, for a field of a frame and a depth.
-    pub fn density_threshold_in(&self, frame: Frame, depth: u32) -> f32 {
-        let cell = (frame.scale * f64::from(depth).exp2()).recip().max_element();
-        self.density_threshold / cell.max(1.0) as f32
+    /// Returns the density per world unit below which leaves are dropped, for a field of a frame.
+    pub fn density_threshold_in(&self, frame: Frame) -> f32 {
+        let side = frame.scale.recip().max_element();
+        let length = if side > 100.0 { 0.1 * side } else { 1.0 };
+        (f64::from(self.density_threshold) / length) as f32
     }
 }
 
@@ -113,14 +114,14 @@ fn read(reader: &mut dyn Source, settings: &LoadSettings) -> Result<PlenOctree, 
     reader.rewind()?;
     if first == MAGIC {
         let field = read_packed(reader)?.with_settings(settings.activation, settings.up);
-        let threshold = settings.density_threshold_in(field.frame(), field.depth());
+        let threshold = settings.density_threshold_in(field.frame());
         return Ok(field.thinned(threshold));
     }
     let mut archive = Archive::open(reader)?;
     let basis = read_basis(&mut archive)?;
     let frame = read_frame(&mut archive)?;
     let mut tree = read_tree(&mut archive)?;
-    let threshold = settings.density_threshold_in(frame, tree.depth);
+    let threshold = settings.density_threshold_in(frame);
     let keep = |density: f32| density > 0.0 && density >= threshold;
     let quantized = !archive.has("data") && QUANTIZED.iter().any(|key| archive.has(key));
     let (density, coefficients) = if quantized {

@@ -9,8 +9,6 @@ const NO_LEAF: i32 = -1;
 pub(super) struct Tree {
     /// The nodes that the root reaches, in depth-first order.
     pub nodes: Vec<[Cell; 8]>,
-    /// The number of levels of cells.
-    pub depth: u32,
     /// Number of leaves in `nodes`, which are numbered in depth-first order.
     pub leaves: usize,
     /// The leaf of every cell in the file, or a negative number.
@@ -35,7 +33,7 @@ impl Tree {
         let mut reached = vec![false; count];
         reached[0] = true;
         let mut nodes = vec![[Cell::EMPTY; 8]];
-        let (mut leaves, mut depth) = (0, 1);
+        let mut leaves = 0;
         let mut stack = vec![Visit { file: 0, node: 0, next: 0 }];
         while let Some(Visit { file, node, next }) = stack.last_mut() {
             if *next == 8 {
@@ -64,13 +62,12 @@ impl Tree {
             nodes[node][cell] = Cell::node(nodes.len() as u32);
             stack.push(Visit { file: below, node: nodes.len(), next: 0 });
             nodes.push([Cell::EMPTY; 8]);
-            depth = depth.max(stack.len() as u32);
         }
         for (slots, _) in child.chunks_exact_mut(8).zip(&reached).filter(|(_, reached)| !**reached) {
             slots.fill(NO_LEAF);
         }
         nodes.shrink_to_fit();
-        Ok(Self { nodes, depth, leaves: leaves as usize, slots: child })
+        Ok(Self { nodes, leaves: leaves as usize, slots: child })
     }
 
     /// Returns the leaf of a cell in the file.

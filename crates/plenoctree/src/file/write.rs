@@ -1,6 +1,7 @@
 //! Writes a PlenOctree in svox's layout.
 
 use std::io::{self, BufWriter, Seek, Write};
+use std::mem::ManuallyDrop;
 use std::path::Path;
 
 use glam::DVec3;
@@ -142,17 +143,19 @@ pub(crate) fn frame_in_float32(field: &PlenOctree) -> Result<([f32; 3], [f32; 3]
     Ok((scale.to_array(), offset.to_array()))
 }
 
-/// An archive being written.
-pub(crate) struct Archive<W: Write + Seek>(ZipWriter<W>);
+/// An archive being written. After an error, it is not dropped: that would try to finish it, and print another error.
+pub(crate) struct Archive<W: Write + Seek>(ManuallyDrop<ZipWriter<W>>);
 
 impl<W: Write + Seek> Archive<W> {
     pub fn new(writer: W) -> Self {
-        Self(ZipWriter::new(writer))
+        Self(ManuallyDrop::new(ZipWriter::new(writer)))
     }
 
     /// Ends the archive.
     pub fn finish(mut self) -> io::Result<()> {
-        self.0.finish()?.flush()
+        let mut writer = self.0.finish()?;
+        drop(ManuallyDrop::into_inner(self.0));
+        writer.flush()
     }
 
     /// Adds the tree, the number of values per leaf, and svox's own bookkeeping.
@@ -196,7 +199,7 @@ impl<W: Write + Seek> Archive<W> {
         // No modification time, so that a field always gives the same file.
         let options = FileOptions::default().last_modified_time(Default::default()).large_file(bytes > LARGE);
         self.0.start_file(format!("{key}.npy"), options)?;
-        let writer = BufWriter::new(&mut self.0);
+        let writer = BufWriter::new(&mut *self.0);
         let mut array = WriteOptions::new().dtype(dtype).shape(shape).writer(writer).begin_nd()?;
         fill(&mut array)?;
         array.finish()

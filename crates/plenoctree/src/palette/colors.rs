@@ -272,6 +272,8 @@ impl Palette {
     /// Returns an error if the content is not a valid palette.
     pub fn from_json(json: &[u8], path: &Path) -> Result<Self, PaletteFileError> {
         let path = || path.to_path_buf();
+        // Some editors write a byte order mark.
+        let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
         let file: PaletteJson =
             serde_json::from_slice(json).map_err(|source| PaletteFileError::Json { path: path(), source })?;
         file.try_into().map_err(|source| PaletteFileError::Invalid { path: path(), source })
@@ -334,6 +336,12 @@ mod tests {
             prop_assert_eq!(read.len(), written.len());
             prop_assert!(read.iter().zip(&written).all(|(a, b)| (a - b).abs() <= 1e-15 * b.abs()));
         }
+    }
+
+    #[test]
+    fn files_may_have_a_byte_order_mark() {
+        let json = b"\xef\xbb\xbf{\"colors\": [[0.0, 0.5, 1.0]]}";
+        assert_eq!(Palette::from_json(json, Path::new("x.json")).unwrap().colors, [[0.0, 0.5, 1.0]]);
     }
 
     #[test]

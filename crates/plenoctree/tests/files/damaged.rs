@@ -516,7 +516,7 @@ proptest! {
             Ok(field) => {
                 let leaves: Vec<u32> = field.leaf_cells().map(|cell| cell.leaf).collect();
                 prop_assert!(leaves.into_iter().eq(0..field.leaves() as u32));
-                let least = LoadSettings::default().density_threshold_in(field.frame(), field.depth());
+                let least = LoadSettings::default().density_threshold_in(field.frame());
                 prop_assert!(field.densities().iter().all(|density| *density >= least && density.is_finite()));
                 prop_assert!(field.coefficients().iter().all(|k| k.is_finite()));
                 assert_same(&field, &read(&written(&field)).unwrap(), "written");

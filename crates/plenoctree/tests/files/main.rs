@@ -252,17 +252,17 @@ fn written_densities_are_the_nearest_that_the_format_holds() {
     }
 }
 
-/// Where cells are wider than a world unit, the density threshold counts per cell: what is faint is kept in any unit.
+/// In boxes of more than 100 units, the density threshold counts per tenth of the box: what is faint is kept in any unit.
 #[test]
 fn faint_leaves_are_kept_in_small_units() {
-    // Cells are half as wide as the cube.
     for (width, density, leaves) in [
         (1.0, 0.009, 0),
         (2.0, 0.009, 0),
         (2.0, 0.011, 1),
+        (99.0, 0.009, 0),
         (2000.0, 0.009, 1),
-        (2000.0, 1.1e-5, 1),
-        (2000.0, 0.9e-5, 0),
+        (2000.0, 5.1e-5, 1),
+        (2000.0, 4.9e-5, 0),
     ] {
         let field = one_leaf(density, Frame::spanning(DVec3::ZERO, DVec3::splat(width)));
         assert_eq!(read(&written(&field)).unwrap().leaves(), leaves, "{density} in {width}");

@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 
 use self::output::Quality;
 use crate::{
-    console, hex,
+    capture, console, hex,
     number::counted,
     result::Result,
     training::{Interruption, use_threads},
@@ -28,10 +28,7 @@ use crate::{
 
 /// Fits the field, extracts its palette, and writes both with previews and a report.
 pub fn run(arguments: &Arguments) -> Result {
-    let input = &arguments.input;
-    if ["ply", "spz", "sog"].iter().any(|capture| input.extension().is_some_and(|extension| extension == *capture)) {
-        return Err(format!("{}: found a capture of Gaussian splats; use `plenoctree convert`", input.display()).into());
-    }
+    capture::refuse(&arguments.input)?;
     let folders = arguments.folders();
     let inputs: Vec<&Path> = [&arguments.input].into_iter().chain(&arguments.test).map(PathBuf::as_path).collect();
     output::check(&arguments.out, &inputs, &arguments.extraction)?;
@@ -161,6 +158,9 @@ fn print(arguments: &Arguments, report: &FitReport, leaves: usize) {
             held_out.ssim,
             counted(held_out.views.len(), "held-out view", "held-out views")
         );
+    }
+    if let Some(error) = &report.unsaved {
+        console::complain!("warning: this fit cannot be resumed: {error}");
     }
     let seconds = report.seconds.preparing + report.seconds.training + report.seconds.measuring;
     console::say!("{}: {}, {seconds:.0} s", arguments.out.display(), counted(leaves, "leaf", "leaves"));

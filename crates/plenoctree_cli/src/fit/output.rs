@@ -75,6 +75,7 @@ fn write_all(
     report: &Value,
 ) -> Result<usize> {
     let (views, targets) = (views(out), targets(out));
+    pack::warn_of_density(out, field);
     let field_file = partial(&targets[0]);
     let (leaves, written) = if is_packed(out) {
         let packed = pack::pack_unchanged(field, &PackSettings::default())?;
@@ -85,11 +86,7 @@ fn write_all(
     written.map_err(|error| format!("{}: {error}", out.display()))?;
     let mut report = report.clone();
     report["field"] = identity(out, &field_file);
-    let name = |preview: &Comparison| {
-        let name = preview.name.chars().map(|c| if c.is_alphanumeric() || c == '_' { c } else { '-' });
-        format!("{}.png", name.collect::<String>().trim_matches('-'))
-    };
-    let names: Vec<String> = previews.iter().map(name).collect();
+    let names = preview_names(previews.iter().map(|preview| &*preview.name));
     report[PREVIEWS] = json!(names);
     if let Some(palette) = palette {
         palette.write(partial(&targets[1]))?;
@@ -237,6 +234,24 @@ fn rename(from: &Path, to: &Path) -> Result {
     Ok(fs::rename(from, to).map_err(|error| format!("{}: {error}", to.display()))?)
 }
 
+/// Returns the names of the files that compare pictures of these names. No two are the same.
+fn preview_names<'a>(pictures: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for picture in pictures {
+        let name: String = picture.chars().map(|c| if c.is_alphanumeric() || c == '_' { c } else { '-' }).collect();
+        let name = name.trim_matches('-');
+        let mut unique = format!("{name}.png");
+        for number in 2.. {
+            if !names.contains(&unique) {
+                break;
+            }
+            unique = format!("{name}-{number}.png");
+        }
+        names.push(unique);
+    }
+    names
+}
+
 #[cfg(test)]
 mod tests {
     use clap::Parser;
@@ -257,6 +272,12 @@ mod tests {
         let found = of(Some(12.0)).unwrap();
         assert!(found.is_above(of(None).as_ref()) && found.is_above(of(Some(11.0)).as_ref()));
         assert!(!found.is_above(of(Some(12.0)).as_ref()) && !found.is_above(of(Some(13.0)).as_ref()));
+    }
+
+    #[test]
+    fn previews_have_names_of_their_own() {
+        let names = preview_names(["a/x.png", "a-x.png", "b.png", "a.x.png"].into_iter());
+        assert_eq!(names, ["a-x-png.png", "a-x-png-2.png", "b-png.png", "a-x-png-3.png"]);
     }
 
     /// A field in which nothing is visible has no palette, but it is written, without the palette of another one.

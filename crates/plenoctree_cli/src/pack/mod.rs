@@ -104,9 +104,8 @@ const OPAQUE: f64 = 7.0;
 /// The optical depth below which a difference in a cell does not show.
 const FAINT: f64 = 0.01;
 
-/// Warns of densities that packing cuts off or rounds where that shows. Packed fields hold half floats, per unit of
-/// length.
-fn warn_of_density(path: &Path, field: &PlenOctree) {
+/// Warns of densities that files cut off or round where that shows. They hold half floats, per unit of length.
+pub fn warn_of_density(path: &Path, field: &PlenOctree) {
     const MOST: f64 = 65504.0;
     // The smallest one, and the distance between those near it.
     const LEAST: f64 = 1.0 / 16777216.0;

@@ -1,13 +1,13 @@
 //! Checkpoints: files from which an interrupted fit resumes.
 
 use std::{
-    fs::{self, File},
+    fs::File,
     io::{self, BufReader, BufWriter, Read, Write},
     path::Path,
 };
 
 use glam::{DVec3, UVec3, Vec3, Vec4};
-use plenoctree::random::Random;
+use plenoctree::{random::Random, replace_file};
 
 use super::{
     error::FitError,
@@ -30,9 +30,8 @@ pub struct Checkpoint {
 impl Checkpoint {
     /// Writes the file, which replaces an older one once it is complete. `key` identifies the input and the settings.
     pub fn write(path: &Path, key: u64, model: &Model, position: &Position, random: &Random) -> Result<(), FitError> {
-        let unfinished = path.with_added_extension("partial");
-        let write = || {
-            let mut file = Output(BufWriter::new(File::create(&unfinished)?));
+        let write = |file: &mut File| -> io::Result<()> {
+            let mut file = Output(BufWriter::new(file));
             file.0.write_all(MAGIC)?;
             file.ints(&[key, random.state(), position.stage as u64, position.rays, position.samples])?;
             file.ints(&[position.prunings as u64, position.seconds.to_bits()])?;
@@ -49,10 +48,9 @@ impl Checkpoint {
             let texels = model.backdrop.texels();
             file.ints(&[model.gains.len() as u64, texels.len() as u64])?;
             model.gains.iter().chain(&texels).try_for_each(|color| file.floats(&color.to_array()))?;
-            file.0.into_inner().map_err(|error| error.into_error())?.sync_all()?;
-            fs::rename(&unfinished, path)
+            file.0.flush()
         };
-        write().map_err(FitError::io(path))
+        replace_file(path, write).map_err(FitError::io(path))
     }
 
     /// Reads a file. `backdrop` is the one that a new fit starts with.
@@ -124,9 +122,9 @@ impl Checkpoint {
     }
 }
 
-struct Output(BufWriter<File>);
+struct Output<'a>(BufWriter<&'a mut File>);
 
-impl Output {
+impl Output<'_> {
     fn ints(&mut self, numbers: &[u64]) -> io::Result<()> {
         numbers.iter().try_for_each(|number| self.0.write_all(&number.to_le_bytes()))
     }

@@ -206,7 +206,6 @@ pub(super) fn refine_by(
                 status.fraction = (index as f64 + fraction) / stages.len() as f64;
                 (status.psnr, status.gain) = (psnr, gain);
             });
-            Ok(())
         };
         train(&mut model, gallery, stage, &mut position, &mut random, progress, &mut watch)?;
         let groups = measure(&model);

@@ -19,6 +19,8 @@ pub struct FitReport {
     pub depth: u32,
     /// Whether the fit was stopped early.
     pub stopped: bool,
+    /// Why a fit that was stopped cannot be resumed: its checkpoint could not be written.
+    pub unsaved: Option<String>,
     /// The views that were held out, or others that were given for measuring, and how well the field matches them
     /// before it is cut. `None` if there are none.
     pub held_out: Option<HeldOut>,

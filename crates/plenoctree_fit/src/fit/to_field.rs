@@ -94,7 +94,7 @@ fn width(grid: &Grid, level: u32) -> f64 {
 /// Returns the leaves of these voxels in order.
 fn leaves_of(grid: &Grid, voxels: impl Iterator<Item = Voxel>) -> Result<Vec<Leaf<'_>>, FitError> {
     let frame = Frame::spanning(grid.cube().low, grid.cube().low + grid.cube().size);
-    let least = f64::from(least_density(frame, grid.resolution().ilog2()));
+    let least = f64::from(least_density(frame));
     let functions = grid.functions();
     let leaf = |Voxel { corner, size }| {
         let voxel = grid.voxel(corner.as_ivec3())?;

@@ -202,6 +202,28 @@ fn a_stopped_fit_returns_a_field() {
     assert!(!checkpoint.exists());
 }
 
+/// A state that cannot be saved does not cost the result.
+#[test]
+fn a_stopped_fit_without_a_checkpoint_returns_a_field() {
+    let folder = folder("unsaved");
+    let cameras = cameras(16);
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    let input = FitInput::read(&folder, &InputFolders::default()).unwrap();
+    let progress = FitProgress::default();
+    let settings = FitSettings { effort: 100.0, checkpoint: Some(folder.join("none/checkpoint")), ..quick() };
+    let fitted = std::thread::scope(|scope| {
+        let worker = scope.spawn(|| fit(&input, None, &settings, &progress));
+        while progress.status().fraction < 0.001 && !worker.is_finished() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        progress.stop();
+        worker.join().unwrap().unwrap()
+    });
+    assert!(fitted.field.leaves() > 100);
+    assert!(fitted.report.unsaved.unwrap().contains("none/checkpoint"));
+}
+
 /// A held-out picture that cannot be read is found before training. If it is damaged while training, nothing of that is
 /// lost: the fit resumes behind it.
 #[test]

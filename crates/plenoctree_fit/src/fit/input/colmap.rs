@@ -307,7 +307,7 @@ fn cameras_of_text(file: Lines) -> Result<BTreeMap<u64, Camera>, FitError> {
 
 fn images_of_text(file: Lines) -> Result<Vec<Image>, FitError> {
     let mut images = Vec::new();
-    let mut lines = file.entries();
+    let mut lines = file.entries().peekable();
     while let Some(line) = lines.by_ref().find(|(_, words)| !words.is_empty()) {
         let number = |index| file.value::<f64>(&line, index);
         images.push(Image {
@@ -316,8 +316,9 @@ fn images_of_text(file: Lines) -> Result<Vec<Image>, FitError> {
             camera: file.value(&line, 8)?,
             name: file.value::<String>(&line, 9).map(|_| line.1[9..].join(" "))?,
         });
-        // The line behind an image's lists its points, and may be empty.
-        lines.next();
+        // The line behind an image's lists its points: three numbers each. It may be empty, and some files leave it out.
+        let is_of_points = |(_, words): &(usize, Vec<&str>)| words.iter().all(|word| word.parse::<f64>().is_ok());
+        lines.next_if(is_of_points);
     }
     Ok(images)
 }

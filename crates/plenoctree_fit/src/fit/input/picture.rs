@@ -1,7 +1,7 @@
 //! Reads pictures and masks.
 
 use std::{
-    fs::File,
+    fs::{self, File},
     io::{BufRead, BufReader},
     path::Path,
 };
@@ -105,6 +105,10 @@ fn decode(path: &Path) -> Result<DynamicImage, FitError> {
     let ((width, height), decoder) = Decoder::open(path)?;
     match decoder {
         Decoder::Jpeg(mut decoder) => {
+            // The decoder would show what is missing as gray.
+            if is_cut_off(&fs::read(path).map_err(FitError::io(path))?) {
+                return Err(damaged(path, "the file is truncated"));
+            }
             let pixels = decoder.decode().map_err(|error| damaged(path, error))?;
             RgbImage::from_raw(width, height, pixels)
                 .map(DynamicImage::from)
@@ -121,6 +125,22 @@ fn decode(path: &Path) -> Result<DynamicImage, FitError> {
                 .map_err(|error| damaged(path, error))
         }
     }
+}
+
+/// Returns whether the data of a JPEG file has no end.
+fn is_cut_off(bytes: &[u8]) -> bool {
+    const START_OF_SCAN: u8 = 0xda;
+    const END_OF_IMAGE: [u8; 2] = [0xff, 0xd9];
+    // Segments before the data may hold a thumbnail, which has an end, too.
+    let mut at = 2;
+    while let Some(&[0xff, marker, high, low]) = bytes.get(at..at + 4) {
+        if marker == START_OF_SCAN {
+            return !bytes[at..].windows(2).any(|pair| pair == END_OF_IMAGE);
+        }
+        at += if marker == 0xff { 1 } else { 2 + usize::from(u16::from_be_bytes([high, low])) };
+    }
+    // The decoder knows better.
+    false
 }
 
 /// An open picture, whose size is read and valid.
@@ -164,4 +184,20 @@ fn damaged(path: &Path, error: impl std::fmt::Display) -> FitError {
     let words: Vec<&str> =
         error.split(|c: char| c.is_whitespace() || c == '"').filter(|word| !word.is_empty()).collect();
     FitError::found(path, "picture", words.join(" "), "a PNG or JPEG file")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The end of a thumbnail is not that of the picture.
+    #[test]
+    fn pictures_without_an_end_are_cut_off() {
+        let thumbnail = [0xff, 0xe1, 0, 6, 0xff, 0xd8, 0xff, 0xd9];
+        let scan = [0xff, 0xda, 0, 8, 1, 1, 0, 0, 63, 0, 17, 0xff, 0, 42];
+        let picture = [&[0xff, 0xd8][..], &thumbnail, &scan, &[0xff, 0xd9]].concat();
+        assert!(!is_cut_off(&picture));
+        assert!(!is_cut_off(&[&picture[..], b"more of the camera's"].concat()));
+        assert!((24..picture.len()).all(|end| is_cut_off(&picture[..end])));
+    }
 }

@@ -129,10 +129,9 @@ fn view(
     let own = frame.camera.clone().or(common.clone());
     let size = picture::size(&picture)?;
     let lens = own.lens(size).map_err(|(key, found, expected)| fault(key, found, expected))?;
-    if let (Some(width), Some(height)) = (own.intrinsics.w, own.intrinsics.h)
-        && (width, height) != (f64::from(size.0), f64::from(size.1))
-    {
-        let expected = format!("{width}x{height}, as w and h in {} state", path.display());
+    let stated = (own.intrinsics.w.unwrap_or(size.0.into()), own.intrinsics.h.unwrap_or(size.1.into()));
+    if stated != (size.0.into(), size.1.into()) {
+        let expected = format!("{}x{}, as w and h in {} state", stated.0, stated.1, path.display());
         return Err(FitError::found(&picture, "size", format!("{}x{}", size.0, size.1), expected));
     }
     let camera =

@@ -55,7 +55,7 @@ pub struct Model {
 
 /// Called periodically with the model, its position, the fraction of the stage that is done, and the state of the
 /// random numbers.
-pub type Watch<'a> = dyn FnMut(&Model, &Position, f64, &Random) -> Result<(), FitError> + 'a;
+pub type Watch<'a> = dyn FnMut(&Model, &Position, f64, &Random) + 'a;
 
 /// Fits `model` for one stage, from `position` on. Returns early if `progress` says so.
 ///
@@ -134,7 +134,7 @@ pub fn train(
             }
             position.samples += workspace.parts.iter().map(|part| part.samples).sum::<u64>();
             if fraction >= watched {
-                watch(model, position, fraction, random)?;
+                watch(model, position, fraction, random);
                 watched = fraction + 0.02;
             }
         }

@@ -113,7 +113,7 @@ impl Place {
         let leaves: Vec<_> = cells.codes.iter().copied().zip(cells.levels.iter().copied().map(u32::from)).collect();
         let nodes = tree_of(&leaves, depth);
         let field = PlenOctree::new(frame, basis, Activation::Sigmoid, UpAxis::Z, nodes, densities, coefficients)?;
-        let field = field.thinned(least_density(frame, depth));
+        let field = field.thinned(least_density(frame));
         if field.leaves() == 0 { Err(self.empty()) } else { Ok(field) }
     }
 }
@@ -144,7 +144,7 @@ mod tests {
             thicknesses.iter().zip(0..).for_each(|(thickness, code)| cells.push(code, 0, *thickness, 1.0, &[0.5; 3]));
             place.field(&cells, 6)
         };
-        assert_eq!(field(&[3e-3, 3e-2, 1.0]).unwrap().leaves(), 2);
-        assert!(matches!(field(&[3e-3]), Err(SplatError::Empty { .. })));
+        assert_eq!(field(&[1e-3, 3e-2, 1.0]).unwrap().leaves(), 2);
+        assert!(matches!(field(&[1e-3]), Err(SplatError::Empty { .. })));
     }
 }
