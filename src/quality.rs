@@ -51,9 +51,9 @@ pub struct PropQuality {
     /// The largest difference between neighboring rays at which the pixels between them are interpolated: of a channel
     /// of encoded sRGB, of opacity, or of distance, relative to the distance itself.
     ///
-    /// Above 0, only every second pixel along each axis gets a ray at first, which makes a grid. Where these differ by more, or belong to different props, or
-    /// where a mesh ends in front of a prop, all pixels get rays. What is thinner than two pixels may be missed where no
-    /// ray of the grid meets it.
+    /// Above 0, only a grid of rays is cast at first, through every second pixel along each axis. Where these differ by
+    /// more, or belong to different props, or where a mesh ends in front of a prop, all pixels get rays. What is thinner
+    /// than two pixels may be missed where no ray of the grid meets it.
     ///
     /// Defaults to 0, which gives every pixel a ray. Below 0.1, hardly any time is saved. Negative values count as 0.
     pub ray_tolerance: f32,

@@ -31,6 +31,9 @@ pub struct Arguments {
 
 /// Packs and measures the fields.
 pub fn run(arguments: &Arguments) -> Result {
+    if arguments.views.views == 0 {
+        return Err("found --views 0, expected --views 1 or more".into());
+    }
     files::create_folder(&arguments.out)?;
     let fields: Result<Vec<_>> = arguments.fields.iter().map(|path| measure(path, arguments)).collect();
     report::write(&arguments.out, &fields?)
@@ -40,8 +43,9 @@ fn measure(path: &Path, arguments: &Arguments) -> Result<report::Field> {
     let before = files::size(path)?;
     let field = arguments.reading.load(path, false)?;
     let views = Views::new(&field, &arguments.views)?;
-    let views =
-        views.ok_or_else(|| format!("{}: found no view to measure, expected --views 1 or more", path.display()))?;
+    let views = views.ok_or_else(|| {
+        format!("{}: found nothing to measure, expected a field with a palette, and views", path.display())
+    })?;
     let row = |quality: &Quality| {
         let packed = pack(&field, path, &quality.settings(), Some(quality.simplification()))?;
         Ok(report::Row::new(*quality, field.leaves(), &packed, &views))

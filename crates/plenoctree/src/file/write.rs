@@ -60,9 +60,9 @@ impl PlenOctree {
     /// # Errors
     ///
     /// Returns the same errors as [`Self::write`].
-    pub fn write_to(&self, writer: impl Write + Seek) -> Result<(), WriteError> {
+    pub fn write_to(&self, mut writer: impl Write + Seek) -> Result<(), WriteError> {
         let (scale, offset) = frame_in_float32(self)?;
-        let mut archive = Archive::new(BufWriter::new(writer));
+        let mut archive = Archive::new(BufWriter::new(&mut writer));
         let values = self.basis().coefficients() + 1;
         let nodes = self.nodes().len() as u64;
         archive.structure(self)?;

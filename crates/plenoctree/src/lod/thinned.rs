@@ -6,7 +6,8 @@ impl PlenOctree {
     /// Returns the field without the leaves whose density is less than `density_threshold`, per world unit, so that
     /// rays cross fewer leaves. It may be less deep. NaN leaves nothing out, as 0 does.
     ///
-    /// [`LoadSettings::density_threshold`](crate::LoadSettings::density_threshold) has the same effect on a file.
+    /// [`LoadSettings::density_threshold`](crate::LoadSettings::density_threshold) has the same effect on a file, in boxes
+    /// of up to 100 units.
     pub fn thinned(&self, density_threshold: f32) -> Self {
         // Ignores NaN.
         let density_threshold = density_threshold.max(0.0);

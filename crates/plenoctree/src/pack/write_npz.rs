@@ -28,9 +28,9 @@ impl Packed {
     }
 }
 
-fn write_quantized(field: &PlenOctree, writer: impl Write + Seek) -> Result<(), WriteError> {
+fn write_quantized(field: &PlenOctree, mut writer: impl Write + Seek) -> Result<(), WriteError> {
     let (scale, offset) = frame_in_float32(field)?;
-    let mut archive = Archive::new(BufWriter::new(writer));
+    let mut archive = Archive::new(BufWriter::new(&mut writer));
     let functions = field.basis().functions();
     let nodes = field.nodes().len() as u64;
     let leaves = || field.nodes().as_flattened().iter().map(|cell| cell.as_leaf().map(|leaf| leaf as usize));

@@ -67,6 +67,11 @@ pub fn run(arguments: &Arguments) -> Result {
     let earlier = if settings.resume { Quality::earlier(&arguments.out, &held_out, fitted, &compared)? } else { None };
     let Fitted { field, previews, report } =
         interruption.watched(move |progress| fit(&input, test.as_ref(), &settings, progress))?;
+    if let Some(error) = &report.unsaved {
+        console::complain!(
+            "warning: the state of this fit could not be saved, so --resume cannot go on from it: {error}"
+        );
+    }
     let mut described = serde_json::to_value(&report)?;
     described[output::COMPARED] = compared;
     let now = Quality::of(&described);
@@ -158,9 +163,6 @@ fn print(arguments: &Arguments, report: &FitReport, leaves: usize) {
             held_out.ssim,
             counted(held_out.views.len(), "held-out view", "held-out views")
         );
-    }
-    if let Some(error) = &report.unsaved {
-        console::complain!("warning: this fit cannot be resumed: {error}");
     }
     let seconds = report.seconds.preparing + report.seconds.training + report.seconds.measuring;
     console::say!("{}: {}, {seconds:.0} s", arguments.out.display(), counted(leaves, "leaf", "leaves"));

@@ -78,7 +78,7 @@ impl Default for RefineSettings {
 /// A refined field.
 #[derive(Clone, Debug)]
 pub struct Refined {
-    /// The field, with the frame, the up axis and the precision of the original.
+    /// The field, with the frame and the up axis of the original.
     pub field: PlenOctree,
     /// Mean PSNR of each group of shots that are measured, before refining, in decibels.
     pub before_psnr_db: Vec<f64>,

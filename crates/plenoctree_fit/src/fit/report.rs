@@ -19,7 +19,8 @@ pub struct FitReport {
     pub depth: u32,
     /// Whether the fit was stopped early.
     pub stopped: bool,
-    /// Why a fit that was stopped cannot be resumed: its checkpoint could not be written.
+    /// Why the state of a fit that was stopped could not be saved. It cannot be resumed from there, but perhaps from an
+    /// earlier checkpoint.
     pub unsaved: Option<String>,
     /// The views that were held out, or others that were given for measuring, and how well the field matches them
     /// before it is cut. `None` if there are none.

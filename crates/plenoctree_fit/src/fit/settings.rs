@@ -44,7 +44,7 @@ pub struct FitSettings {
     /// Cut the field to this box, in the frame of the cameras, after it is fitted.
     pub crop: Option<(DVec3, DVec3)>,
     /// A file to which a checkpoint is written every minute and when training ends. It is removed when the fit is
-    /// complete.
+    /// complete. If it cannot be written, the fit goes on.
     pub checkpoint: Option<PathBuf>,
     /// Resume from the checkpoint if there is one. The field is then as good as if the fit had not been interrupted,
     /// but not identical.

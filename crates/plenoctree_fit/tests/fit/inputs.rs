@@ -152,7 +152,13 @@ fn unusual_colmap_models_are_read() {
         assert!(view.camera.position.distance(expected.position) < 1e-9);
     }
     let images = text.lines().filter(|line| line.split(' ').count() >= 10).collect::<Vec<_>>().join("\n");
-    fs::write(model.join("images.txt"), images).unwrap();
+    fs::write(model.join("images.txt"), &images).unwrap();
+    assert_eq!(read(&folder).unwrap().views.len(), 3);
+    (0..3).for_each(|view| {
+        let [from, to] = [format!("v_{view}.png"), view.to_string()].map(|name| folder.join("images").join(name));
+        fs::copy(from, to).unwrap();
+    });
+    fs::write(model.join("images.txt"), images.replace("v_", "").replace(".png", "")).unwrap();
     assert_eq!(read(&folder).unwrap().views.len(), 3);
     fs::write(model.join("images.txt"), "1 0 0 0 0 0 0 4 1 v_0.png\n\n").unwrap();
     assert!(read(&folder).unwrap_err().contains("quaternion"));
@@ -228,7 +234,7 @@ fn errors_name_file_and_reason() {
     };
     fails(&good.replace("./v_", "./w_"), &["transforms.json", "frames[0].file_path: found no file", "w_0"]);
     fails(&good.replacen('{', r#"{"w": 41, "h": 40,"#, 1), &["v_0.png", "size", "40x40", "41x40"]);
-    fails(&good.replacen('{', r#"{"h": 41,"#, 1), &["v_0.png", "size", "40x40", "40x41"]);
+    fails(&good.replacen('{', r#"{"h": 41,"#, 1), &["v_0.png", "size", "40x40", "a height of 41"]);
     fails(&good.replace("camera_angle_x", "angle"), &["camera_angle_x"]);
     fails(r#"{"camera_angle_x": 0.6, "frames": []}"#, &["0 views"]);
     fails("[", &["transforms.json"]);

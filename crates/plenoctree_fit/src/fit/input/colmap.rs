@@ -317,8 +317,8 @@ fn images_of_text(file: Lines) -> Result<Vec<Image>, FitError> {
             name: file.value::<String>(&line, 9).map(|_| line.1[9..].join(" "))?,
         });
         // The line behind an image's lists its points: three numbers each. It may be empty, and some files leave it out.
-        let is_of_points = |(_, words): &(usize, Vec<&str>)| words.iter().all(|word| word.parse::<f64>().is_ok());
-        lines.next_if(is_of_points);
+        let are_numbers = |words: &[&str]| words.iter().all(|word| word.parse::<f64>().is_ok());
+        lines.next_if(|(_, words)| words.len() % 3 == 0 && are_numbers(words));
     }
     Ok(images)
 }

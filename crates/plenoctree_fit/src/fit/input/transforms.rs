@@ -131,7 +131,11 @@ fn view(
     let lens = own.lens(size).map_err(|(key, found, expected)| fault(key, found, expected))?;
     let stated = (own.intrinsics.w.unwrap_or(size.0.into()), own.intrinsics.h.unwrap_or(size.1.into()));
     if stated != (size.0.into(), size.1.into()) {
-        let expected = format!("{}x{}, as w and h in {} state", stated.0, stated.1, path.display());
+        let expected = match (own.intrinsics.w, own.intrinsics.h) {
+            (Some(width), Some(height)) => format!("{width}x{height}, as w and h in {} state", path.display()),
+            (Some(width), None) => format!("a width of {width}, as w in {} states", path.display()),
+            _ => format!("a height of {}, as h in {} states", stated.1, path.display()),
+        };
         return Err(FitError::found(&picture, "size", format!("{}x{}", size.0, size.1), expected));
     }
     let camera =
