@@ -64,8 +64,7 @@ impl Views {
     }
 
     /// Returns their number.
-    #[allow(clippy::len_without_is_empty, reason = "there is at least one")]
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.cameras.len()
     }
 
@@ -88,7 +87,7 @@ impl Views {
             }
         }
         let labels = 100.0 * changed as f64 / posterized.max(1) as f64;
-        Loss { psnr: psnr / self.len() as f64, labels }
+        Loss { psnr: psnr / self.count() as f64, labels }
     }
 }
 

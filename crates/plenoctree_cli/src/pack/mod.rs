@@ -43,7 +43,7 @@ fn pack_file(path: &Path, arguments: &Arguments) -> Result {
         console::say!(
             "{:.1} dB from the field in {}, {:.2}% of labels changed",
             loss.psnr,
-            counted(views.len(), "view", "views"),
+            counted(views.count(), "view", "views"),
             loss.labels
         );
     }

@@ -170,6 +170,19 @@ fn wrong_poses_of_photographs_are_reported() {
     assert_eq!(numbers, [10, 21], "{:?}", fitted.report.suspicious);
 }
 
+/// Returns the result of a fit that is stopped soon after training began.
+fn stopped(input: &FitInput, settings: &FitSettings) -> Fitted {
+    let progress = FitProgress::default();
+    std::thread::scope(|scope| {
+        let worker = scope.spawn(|| fit(input, None, settings, &progress));
+        while progress.status().fraction < 0.001 && !worker.is_finished() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        progress.stop();
+        worker.join().unwrap().unwrap()
+    })
+}
+
 /// A fit that is stopped returns its current result.
 #[test]
 fn a_stopped_fit_returns_a_field() {
@@ -178,17 +191,9 @@ fn a_stopped_fit_returns_a_field() {
     write_pictures(&folder, &cameras, None, |_| 1.0);
     write_transforms(&folder, &cameras);
     let input = FitInput::read(&folder, &InputFolders::default()).unwrap();
-    let progress = FitProgress::default();
     let checkpoint = folder.join("checkpoint");
     let settings = FitSettings { effort: 100.0, checkpoint: Some(checkpoint.clone()), ..quick() };
-    let fitted = std::thread::scope(|scope| {
-        let worker = scope.spawn(|| fit(&input, None, &settings, &progress));
-        while progress.status().fraction < 0.001 && !worker.is_finished() {
-            std::thread::sleep(std::time::Duration::from_millis(5));
-        }
-        progress.stop();
-        worker.join().unwrap().unwrap()
-    });
+    let fitted = stopped(&input, &settings);
     assert!(fitted.report.stopped && fitted.report.stages.len() == 1 && fitted.field.leaves() > 100);
 
     // It resumes where it stopped, and finishes.
@@ -210,16 +215,8 @@ fn a_stopped_fit_without_a_checkpoint_returns_a_field() {
     write_pictures(&folder, &cameras, None, |_| 1.0);
     write_transforms(&folder, &cameras);
     let input = FitInput::read(&folder, &InputFolders::default()).unwrap();
-    let progress = FitProgress::default();
     let settings = FitSettings { effort: 100.0, checkpoint: Some(folder.join("none/checkpoint")), ..quick() };
-    let fitted = std::thread::scope(|scope| {
-        let worker = scope.spawn(|| fit(&input, None, &settings, &progress));
-        while progress.status().fraction < 0.001 && !worker.is_finished() {
-            std::thread::sleep(std::time::Duration::from_millis(5));
-        }
-        progress.stop();
-        worker.join().unwrap().unwrap()
-    });
+    let fitted = stopped(&input, &settings);
     assert!(fitted.field.leaves() > 100);
     assert!(fitted.report.unsaved.unwrap().contains("none/checkpoint"));
 }
