@@ -137,7 +137,7 @@ pub fn fit(
     let depth = settings.depth.unwrap_or_else(|| depth_of(&gallery.cameras(), place.cube));
     let schedule = Schedule::new(settings, depth, !knows_opacity);
     let mut report = FitReport { views: gallery.len(), ..FitReport::default() };
-    let (mut saved_at, mut unsaved) = (Instant::now(), None);
+    let mut saved_at = Instant::now();
     while !progress.is_stopped() && position.stage < schedule.stages.len() {
         let stage = &schedule.stages[position.stage];
         if model.grid.resolution() < stage.resolution {
@@ -158,10 +158,10 @@ pub fn fit(
                 status.fraction = before + share * fraction;
                 status.psnr = psnr;
             });
-            // The result is worth more than what it could resume from.
+            // The result is worth more than what it could resume from. Whether the last state is saved is reported.
             if let Some(path) = saved.filter(|_| saved_at.elapsed() > SAVE_EVERY) {
                 saved_at = Instant::now();
-                unsaved = Checkpoint::write(path, key, model, position, random).err();
+                let _ = Checkpoint::write(path, key, model, position, random);
             }
         };
         train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
@@ -174,9 +174,9 @@ pub fn fit(
     report.stopped = progress.is_stopped();
     // Also when training is complete: what follows may fail, and can then be repeated without training again.
     if let Some(path) = saved {
-        unsaved = Checkpoint::write(path, key, &model, &position, &random).err();
+        let written = Checkpoint::write(path, key, &model, &position, &random);
+        report.unsaved = written.err().filter(|_| report.stopped).map(|error| error.to_string());
     }
-    report.unsaved = unsaved.filter(|_| report.stopped).map(|error| error.to_string());
     if matches!(model.backdrop, Backdrop::Learned(_) | Backdrop::Color(_)) {
         report.gains = Some(model.gains.iter().map(|gain| gain.to_array()).collect());
     }
