@@ -37,9 +37,13 @@ fn look(prop: Prop, at: vec2<f32>, begins: f32, last: f32, h: ptr<function, Harm
     // The transmittances at which a ray counts as covered, and at which it stops and counts as opaque.
     let limit = max(1.0 - prop.min_opacity, view.stop_transmittance);
     let stop = max(min(FAINTEST, limit), view.stop_transmittance);
-    var color = vec4(0.0);
     var transmittance = 1.0;
     var covered_at = -1.0;
+    // The opacity of the leaves in each quarter of the opacity along the ray. The heaviest leaf of a quarter says its
+    // color, so that rays load few colors.
+    var quarters = vec4(0.0);
+    var heaviest = vec4(0.0);
+    var leaves = vec4(0u);
     var walk = begin(seen.ray, max(seen.span.x, begins));
     loop {
         if transmittance < stop || has_ended(seen.ray, walk, end) {
@@ -50,11 +54,21 @@ fn look(prop: Prop, at: vec2<f32>, begins: f32, last: f32, h: ptr<function, Harm
         let before = transmittance;
         transmittance *= exp(-sigma * (crossing.exit - crossing.enter));
         let weight = before - transmittance;
-        color += weight * vec4(radiance(crossing.leaf, h), 1.0);
+        let is_here = vec4(u32(4.0 * (1.0 - 0.5 * (before + transmittance)))) == vec4(0u, 1u, 2u, 3u);
+        let here = select(vec4(0.0), vec4(weight), is_here);
+        quarters += here;
+        leaves = select(leaves, vec4(crossing.leaf), here > heaviest);
+        heaviest = max(heaviest, here);
         let inside = position_of(limit, before, crossing, sigma);
         covered_at = select(covered_at, inside, covered_at < 0.0 && transmittance <= limit);
     }
     let gone = select(1.0 - transmittance, 1.0, transmittance < stop);
+    var color = vec4(0.0);
+    for (var i = 0; i < 4; i++) {
+        if quarters[i] > 0.0 {
+            color += quarters[i] * vec4(radiance(leaves[i], h), 1.0);
+        }
+    }
     return Look(covered_at >= 0.0, prop.near + covered_at / seen.length, color * gone / max(color.a, 1e-6));
 }
 
