@@ -8,6 +8,7 @@ use std::{
 
 use image::{ImageBuffer, PixelWithColorType, codecs::png::PngEncoder};
 use plenoctree::palette::Palette;
+use serde_json::Value;
 
 use crate::{console, result::Result};
 
@@ -95,6 +96,16 @@ pub fn keep_former_palette(path: &Path, new: Option<&Palette>) -> Result {
     let is_lost = |former: &[u8]| new.is_none_or(|new| Palette::from_json(former, path).ok().as_ref() != Some(new));
     if let Some(kept) = keep_former(path, is_lost)? {
         console::complain!("{}: replaced; the palette before is now {}", path.display(), kept.display());
+    }
+    Ok(())
+}
+
+/// Keeps the report at `path` under another name, and says so, if it is that of another command: if it lacks an entry.
+pub fn keep_former_report(path: &Path, entry: &str) -> Result {
+    let is_lost =
+        |former: &[u8]| serde_json::from_slice::<Value>(former).map_or(true, |report| report.get(entry).is_none());
+    if let Some(kept) = keep_former(path, is_lost)? {
+        console::complain!("{}: replaced; the report before is now {}", path.display(), kept.display());
     }
     Ok(())
 }

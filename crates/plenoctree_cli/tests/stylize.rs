@@ -45,6 +45,28 @@ fn the_documented_files_are_written() {
     }
 }
 
+/// What other commands and earlier runs left in the folder is not lost, and told apart.
+#[test]
+fn earlier_files_are_kept() {
+    let folder = folder("stylize_earlier");
+    let (field, out) = (ball(&folder), folder.join("out"));
+    let report = r#"{"views": [], "psnr_db": 31.2}"#;
+    fs::create_dir_all(&out).unwrap();
+    fs::write(out.join("report.json"), report).unwrap();
+    let warnings = |frames: &str| {
+        let options = ["--sampling", "cpu", "--colors", "4", "--quiet", "--frames", frames];
+        let output = run(&[&arguments(&field, &out)[..8], &options].concat());
+        assert!(output.status.success());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let of_both = warnings("2");
+    assert!(of_both.contains("the report before is now") && !of_both.contains("images"), "{of_both}");
+    assert_eq!(fs::read_to_string(out.join("report.json.old")).unwrap(), report);
+    let of_one = warnings("1");
+    assert!(of_one.contains("has 2 images of earlier views, too, such as frame_001.original.png"), "{of_one}");
+    assert!(!out.join("report.json.old2").exists() && out.join("frame_001.original.png").exists());
+}
+
 /// Ramps are recolored by name or index, and palettes of tones are not blended: every pixel has a palette color.
 #[test]
 fn ramps_are_recolored() {

@@ -101,6 +101,7 @@ pub fn run(arguments: &Arguments) -> Result {
     bar.finish_and_clear();
 
     report::write(&arguments.out, &field, &renderer.adapter(), extracted.as_ref(), &palette, &times)?;
+    output::warn_of_earlier_frames(&arguments.out, times.iter().flat_map(|(files, _)| files));
     if !arguments.quiet {
         let views = counted(cameras.len(), "view", "views");
         console::say!("{views} of {} saved to {}", path.display(), arguments.out.display());

@@ -39,8 +39,9 @@ pub fn write(
         "palette": palette_report(extracted, palette),
         "frames": frames.iter().map(frame).collect::<Vec<_>>(),
     });
-    let text = serde_json::to_string_pretty(&report)?;
-    files::write_text(&folder.join("report.json"), &(text + "\n"))
+    let (path, text) = (folder.join("report.json"), serde_json::to_string_pretty(&report)?);
+    files::keep_former_report(&path, "frames")?;
+    files::write_text(&path, &(text + "\n"))
 }
 
 /// Reports the palette. Entries about extraction are null for a palette that was given.
