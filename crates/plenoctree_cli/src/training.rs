@@ -1,6 +1,7 @@
 //! Runs what takes minutes on another thread, so that this one can show its progress, and ends it early on Ctrl-C.
 
 use std::{
+    path::Path,
     process,
     sync::{
         Arc,
@@ -62,11 +63,19 @@ impl Interruption {
         self.progress.is_stopped()
     }
 
-    /// Returns the result of `work`. Ctrl-C ends it early.
-    pub fn watched<T: Send>(&self, work: impl FnOnce(&FitProgress) -> Result<T, FitError> + Send) -> Result<T> {
+    /// Returns the result of `work` on an input, which errors name. Ctrl-C ends it early.
+    pub fn watched<T: Send>(
+        &self,
+        input: &Path,
+        work: impl FnOnce(&FitProgress) -> Result<T, FitError> + Send,
+    ) -> Result<T> {
         self.keep_result();
         let bar = progress::fit_bar(STEPS);
-        Ok(progress::watched(&bar, || work(&self.progress), || show(&bar, &self.progress))?)
+        let result = progress::watched(&bar, || work(&self.progress), || show(&bar, &self.progress));
+        result.map_err(|error| match error {
+            FitError::Views { .. } | FitError::Empty => format!("{}: {error}", input.display()).into(),
+            error => error.into(),
+        })
     }
 }
 

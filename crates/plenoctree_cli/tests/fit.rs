@@ -146,4 +146,10 @@ fn errors_name_the_file_and_replace_nothing() {
     fs::remove_dir(folder.join("report.json")).unwrap();
     let message = fail(&["fit", text(&folder.join("nothing")), "--out", text(&out)]);
     assert!(message.contains("nothing"), "{message}");
+    let mut one: Value = serde_json::from_str(&good).unwrap();
+    one["frames"].as_array_mut().unwrap().truncate(1);
+    fs::write(&transforms, one.to_string()).unwrap();
+    let message = fail(&["fit", text(&folder), "--out", text(&out)]);
+    assert!(message.contains(text(&folder)) && message.contains("found 0 to fit to and 1 held out"), "{message}");
+    assert_eq!(fs::read(&out).unwrap(), b"precious");
 }

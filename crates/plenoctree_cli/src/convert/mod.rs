@@ -113,8 +113,8 @@ pub fn run(arguments: &Arguments) -> Result {
                 time: arguments.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
                 seed: arguments.seed,
             };
-            let (Refined { field: better, before_psnr_db, rounds, kept }, before) =
-                interruption.watched(move |progress| {
+            let (Refined { field: better, before_psnr_db, rounds, kept }, before) = interruption
+                .watched(path, move |progress| {
                     refine(&field, shots, &held_out, &settings, progress).map(|refined| (refined, field))
                 })?;
             refining = start.elapsed();

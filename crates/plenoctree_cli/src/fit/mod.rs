@@ -66,7 +66,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let compared = compared(views, arguments, settings.downscale);
     let earlier = if settings.resume { Quality::earlier(&arguments.out, &held_out, fitted, &compared)? } else { None };
     let Fitted { field, previews, report } =
-        interruption.watched(move |progress| fit(&input, test.as_ref(), &settings, progress))?;
+        interruption.watched(&arguments.input, move |progress| fit(&input, test.as_ref(), &settings, progress))?;
     if let Some(error) = &report.unsaved {
         console::complain!(
             "warning: the state of this fit could not be saved, so --resume cannot go on from it: {error}"
