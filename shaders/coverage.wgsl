@@ -65,9 +65,11 @@ fn look(prop: Prop, at: vec2<f32>, begins: f32, last: f32, h: ptr<function, Harm
     let gone = select(1.0 - transmittance, 1.0, transmittance < stop);
     var color = vec4(0.0);
     for (var i = 0; i < 4; i++) {
-        if quarters[i] > 0.0 {
-            color += quarters[i] * vec4(radiance(leaves[i], h), 1.0);
+        if quarters.x > 0.0 {
+            color += quarters.x * vec4(radiance(leaves.x, h), 1.0);
         }
+        quarters = quarters.yzwx;
+        leaves = leaves.yzwx;
     }
     return Look(covered_at >= 0.0, prop.near + covered_at / seen.length, color * gone / max(color.a, 1e-6));
 }
