@@ -72,13 +72,18 @@ impl ExtractedProp {
         self.lighting.is_some_and(|lighting| lighting.brightness > 0.0)
     }
 
-    /// Returns its field at a level, or at one that stands in for it, and its pose: fewer leaves may have a smaller
-    /// box.
-    pub fn at_level<'a>(&self, level: Level, fields: &'a RenderAssets<GpuField>) -> Option<(&'a GpuLevel, Pose)> {
+    /// Returns its field at a level, or at one that stands in for it, which of the two that is, and its pose: fewer
+    /// leaves may have a smaller box.
+    pub fn at_level<'a>(
+        &self,
+        level: Level,
+        fields: &'a RenderAssets<GpuField>,
+    ) -> Option<(&'a GpuLevel, Level, Pose)> {
         let field = fields.get(self.field)?;
-        let level = field.level(field.resolve(level))?;
-        let (low, high) = level.bounds?;
-        Some((&**level, Pose { low, high, ..self.pose }))
+        let level = field.resolve(level);
+        let at_level = field.level(level)?;
+        let (low, high) = at_level.bounds?;
+        Some((&**at_level, level, Pose { low, high, ..self.pose }))
     }
 }
 

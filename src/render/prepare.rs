@@ -145,8 +145,7 @@ fn plan_views(
             former: view.plan.former.as_ref().filter(|_| view.is_drawn),
         };
         let (planned, left_out) = plan(&known, &mut view.held_frames, &extracted, &fields, &mut pipelines, &cache);
-        let drawn = planned.as_ref().map_or(&[][..], |(plan, _)| &plan.props[..]);
-        let (ahead, kinds) = look_ahead(&known, drawn, &extracted, &fields);
+        let (ahead, kinds) = look_ahead(&known, &extracted, &fields);
         passes::request(&ahead, &kinds, &mut pipelines, &cache);
         let Some((plan, passes)) = planned else {
             view.clear();

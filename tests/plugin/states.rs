@@ -1,10 +1,17 @@
 //! Tests what apps can know of their props, what is drawn until they are ready, and what `Headless` waits for.
 
-use std::time::Duration;
+use std::{
+    sync::{Arc, Mutex},
+    time::Duration,
+};
 
 use bevy::{
+    camera::RenderTarget,
     prelude::*,
-    render::render_resource::{BufferDescriptor, BufferUsages, PipelineCache},
+    render::{
+        render_resource::{BufferDescriptor, BufferUsages, PipelineCache},
+        view::screenshot::{Screenshot, ScreenshotCaptured},
+    },
 };
 use bevy_plenoctree::{
     BeforePalette, BilateralFilter, ColorCount, EdgeSmoothing, FieldPalette, FieldReady, Palette, PaletteExtraction,
@@ -13,6 +20,7 @@ use bevy_plenoctree::{
     props_ready,
 };
 use half::f16;
+use image::RgbaImage;
 use plenoctree::Basis;
 
 use super::stage::{
@@ -157,6 +165,34 @@ fn fields_that_no_prop_shows_have_pipelines() {
     stage.insert(prop, Prop(ahead));
     assert_eq!(middle(&mut stage), BLUE);
     assert_eq!(pipelines(&stage), before);
+}
+
+/// The levels of a packed field are not packed, so their pipelines are others: the prop is drawn as before until those
+/// are compiled.
+#[test]
+fn props_stay_while_pipelines_of_their_levels_are_compiled() {
+    let mut stage = Stage::new(64);
+    stage.set((Transform::from_xyz(0.0, 0.0, 4.0), PropQuality::EXACT));
+    stage.spawn_prop(&fields::included("robot"), ());
+    stage.wait();
+    let exact = stage.capture();
+    stage.set(PropQuality { cell_size: 8.0, ..PropQuality::EXACT });
+    let RenderTarget::Image(target) = stage.headless.target() else { panic!("the target is no image") };
+    let frames = Arc::new(Mutex::new(Vec::<RgbaImage>::new()));
+    // Captures would wait for whole frames.
+    wait_for("the level", || {
+        let saved = frames.clone();
+        let save = move |event: On<ScreenshotCaptured>| {
+            saved.lock().unwrap().push(event.image.clone().try_into_dynamic().unwrap().into_rgba8());
+        };
+        stage.world().spawn(Screenshot::image(target.handle.clone())).observe(save);
+        stage.update(1);
+        frames.lock().unwrap().last().is_some_and(|frame| *frame != exact)
+    });
+    let covered = |frame: &RgbaImage| frame.pixels().filter(|pixel| pixel.0[..3] != NOTHING).count();
+    let frames = frames.lock().unwrap();
+    let least = frames.iter().map(covered).min().unwrap();
+    assert!(least > covered(&exact) / 2, "{least} of {} pixels show the prop", covered(&exact));
 }
 
 /// A prop that no camera sees becomes ready too, and loading screens end although a prop has failed.

@@ -4,7 +4,7 @@ use bevy::{platform::collections::HashSet, prelude::*, render::render_asset::Ren
 
 use super::{
     decide::Known,
-    view::{Kind, Plan, PlannedProp, Target},
+    view::{Kind, Plan, Target},
 };
 use crate::{
     camera::PropPlacement,
@@ -13,10 +13,9 @@ use crate::{
 };
 
 /// Returns the kinds of props that may be drawn soon, and the plan in which they would be: those of fields that are
-/// arriving or that no prop shows yet, and of other levels of the props that are `drawn`.
+/// arriving or that no prop shows yet.
 pub(in crate::render) fn look_ahead(
     known: &Known,
-    drawn: &[PlannedProp],
     extracted: &ExtractedProps,
     fields: &RenderAssets<GpuField>,
 ) -> (Plan, Vec<Kind>) {
@@ -45,12 +44,6 @@ pub(in crate::render) fn look_ahead(
         for (is_lit, may_recolor) in looks.iter().copied() {
             kinds.extend(overlaps.iter().map(|&overlaps| Kind { shape, overlaps, is_lit, may_recolor }));
         }
-    }
-    if visible.quality.cell_size > 0.0 || Level::new(0, &visible.quality) != Level::default() {
-        kinds.extend(drawn.iter().map(|PlannedProp { kind, .. }| {
-            let shape = FieldShape { inner_records: !kind.shape.inner_records, ..kind.shape };
-            Kind { shape, ..*kind }
-        }));
     }
     (plan, kinds)
 }

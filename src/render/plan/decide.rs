@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     camera::PropPlacement,
-    gpu::{GpuField, GpuLevel},
+    gpu::{GpuField, GpuLevel, Level},
     posterize::{BeforePalette, EdgeSmoothing, MAX_FILTER_RADIUS},
     prop::SolidOpacity,
     render::{
@@ -56,6 +56,7 @@ struct VisibleProp<'a> {
     index: usize,
     prop: &'a ExtractedProp,
     field: &'a GpuLevel,
+    level: Level,
     rays: Rays,
     posterize: Option<&'a ExtractedPosterize>,
     /// The palette by which it is posterized, or recolored as trained.
@@ -69,8 +70,8 @@ type Owner<'a> = (Option<&'a ExtractedPosterize>, Option<&'a PlacedPalette>, Opt
 
 /// Plans the frame of a view, without what is `missing`. Returns `None` if it draws nothing.
 ///
-/// With a `held` plan, that of the last frame, it draws the same props with the same pipelines, in their current places
-/// and colors. What is new waits, and of what is gone, only the pipelines stay: they draw the same without it.
+/// With a `held` plan, that of the last frame, it draws the same levels of the same props with the same pipelines, in
+/// their current places and colors. What is new waits, and of what is gone, only the pipelines stay: they draw the same without it.
 pub(in crate::render) fn decide(
     known: &Known,
     missing: &[Feature],
@@ -132,6 +133,7 @@ pub(in crate::render) fn decide(
                 entity: seen.prop.entity,
                 index: seen.index,
                 field: seen.field.bind_group.clone(),
+                level: seen.level,
                 kind: held.map_or(kind, |held| Kind { shape: kind.shape, ..held.kind }),
                 may_be_solid: held.map_or(may_be_solid(seen), |held| held.may_be_solid),
                 is_posterized: seen.posterize.is_some(),
@@ -276,7 +278,7 @@ fn see<'a>(
     let prop = extracted.props.get(ordered.index)?;
     let last = last.get(&prop.entity).copied();
     let held = if is_held { Some(last?) } else { None };
-    let (field, pose) = prop.at_level(ordered.level, fields)?;
+    let (field, level, pose) = prop.at_level(held.map_or(ordered.level, |held| held.level), fields)?;
     let size = known.viewport.physical_size;
     let rays = pose.rays(&known.view.world_from_view, motion.clip_from_view, size)?;
     let posterize = prop.posterize.as_ref().filter(|posterize| posterize.palette.colors > 0);
@@ -291,6 +293,7 @@ fn see<'a>(
         index: ordered.index,
         prop,
         field,
+        level,
         rays,
         posterize: posterize.filter(|_| has_labels && held.is_none_or(|held| held.is_posterized)),
         palette,

@@ -14,7 +14,7 @@ use bevy::{
 use super::steady::Former;
 use crate::{
     camera::PropPlacement,
-    gpu::FieldShape,
+    gpu::{FieldShape, Level},
     render::uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
 };
 
@@ -120,8 +120,9 @@ pub(in crate::render) struct PlannedProp {
     pub entity: Entity,
     /// Its index in `ExtractedProps::props`.
     pub index: usize,
-    /// Bind group 1 of passes that march through it.
+    /// Bind group 1 of passes that march through it, at this level.
     pub field: BindGroup,
+    pub level: Level,
     pub kind: Kind,
     /// Whether any part of it may be solid.
     pub may_be_solid: bool,

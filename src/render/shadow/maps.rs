@@ -101,7 +101,7 @@ pub(super) fn prepare_maps(
             let Some(prop) = extracted.props.get(*index) else {
                 continue;
             };
-            let Some((level, pose)) = prop.at_level(*level, &fields) else {
+            let Some((level, _, pose)) = prop.at_level(*level, &fields) else {
                 continue;
             };
             let Some(seen) = LightView::new(&pose, view) else {
