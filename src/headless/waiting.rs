@@ -113,7 +113,7 @@ fn for_views(world: &mut World) -> Result<Option<String>, HeadlessError> {
         return Err(HeadlessError::Prop(PropError::Palette(error.clone())));
     }
     match world.get_resource::<AssetServer>().and_then(|server| server.get_load_state(*id)) {
-        Some(LoadState::Failed(error)) => Err(HeadlessError::Prop(PropError::Load(error.to_string()))),
+        Some(LoadState::Failed(error)) => Err(HeadlessError::Prop(PropError::of_loader(&error))),
         _ => Ok(Some(format!("{} to get a palette", name(world, *id)))),
     }
 }

@@ -1,6 +1,6 @@
 //! The states of props.
 
-use bevy::prelude::*;
+use bevy::{asset::AssetLoadError, prelude::*};
 use plenoctree::palette::ExtractionError;
 
 use crate::gpu::FieldTooLarge;
@@ -85,4 +85,12 @@ pub enum PropError {
     /// A pipeline that draws props could not be created. No prop is drawn, or none is posterized.
     #[error("a pipeline that draws props could not be created: {0}")]
     Pipeline(String),
+}
+
+impl PropError {
+    /// Returns the error of a loader without the backtrace that Bevy adds to it.
+    pub(crate) fn of_loader(error: &AssetLoadError) -> Self {
+        let text = error.to_string();
+        Self::Load(text.lines().next().unwrap_or_default().to_string())
+    }
 }

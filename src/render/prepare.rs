@@ -99,7 +99,7 @@ type View = (
     &'static mut PropView,
 );
 
-fn plan_views(
+pub(super) fn plan_views(
     mut commands: Commands,
     extracted: Res<ExtractedProps>,
     fields: Res<RenderAssets<GpuField>>,
@@ -253,9 +253,7 @@ fn with_pipelines(plan: &Plan, last: &Plan, pipelines: &mut Pipelines, cache: &P
             lack.is_any = true;
             if pass.may_leave_out_props() {
                 let drawn: EntityHashSet = last.props.iter().map(|prop| prop.entity).collect();
-                let was_drawn = |draw: &Draw| {
-                    plan.props.get((draw.instance & 0xffff) as usize).is_some_and(|prop| drawn.contains(&prop.entity))
-                };
+                let was_drawn = |draw: &Draw| draw.prop_of(plan).is_some_and(|prop| drawn.contains(&prop.entity));
                 pass.draws.retain(|draw| {
                     let is_ready = ready.get(draw.program).is_some_and(Option::is_some);
                     lack.was_drawn |= !is_ready && was_drawn(draw);

@@ -94,7 +94,7 @@ fn field_state(
     // After a failed hot reload, the earlier version still exists.
     if !fields.contains(id) {
         return match server.and_then(|server| server.get_load_state(id)) {
-            Some(LoadState::Failed(error)) => PropState::Failed(PropError::Load(error.to_string())),
+            Some(LoadState::Failed(error)) => PropState::Failed(PropError::of_loader(&error)),
             _ => PropState::Loading,
         };
     }

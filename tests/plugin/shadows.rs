@@ -9,7 +9,7 @@ use bevy::{
     },
     prelude::*,
 };
-use bevy_plenoctree::{PlenOctree, Prop, PropQuality, SolidOpacity};
+use bevy_plenoctree::{FieldPalette, Palette, Palettes, PlenOctree, Posterize, Prop, PropQuality, SolidOpacity};
 use glam::{DVec2, DVec3};
 use image::RgbaImage;
 
@@ -429,4 +429,30 @@ fn crowds_and_lamps_inside_props_cast_shadows() {
     assert!(unlit > 200 && untouched > 5000, "{unlit} {untouched}");
     assert!(20 * bright < unlit, "{bright} of {unlit} pixels without light are bright");
     assert!(50 * dimmed < untouched, "{dimmed} of {untouched} pixels in full light are dimmed");
+}
+
+/// A prop that waits for its pipelines casts no shadow yet.
+#[test]
+fn shadows_wait_for_their_props() {
+    let mut scene = scene(512);
+    spawn_light(&mut scene, Light::ALL[0]);
+    let field = colored(4, |at| if at.abs().max_element() < 0.5 { 1e4 } else { 0.0 }, |_| DVec3::new(0.1, 0.8, 0.1));
+    scene.spawn_prop(&field, Transform::from_xyz(-1.2, 0.0, 0.0));
+    scene.wait();
+    let before = scene.capture();
+    // Posterized, it is drawn by other pipelines.
+    let palette = FieldPalette::new(Palette::new(vec![[0.1, 0.8, 0.1]]).unwrap());
+    let prop = scene.spawn_prop(&field, (Posterize::paper(), Transform::from_xyz(1.2, 0.0, 0.0)));
+    let handle = scene.get::<Prop>(prop).0.clone();
+    scene.world().resource_mut::<Palettes>().insert(&handle, palette);
+    let green = |frame: &RgbaImage| frame.pixels().filter(|pixel| pixel[1] > pixel[0] + 40).count();
+    let of_one = green(&before);
+    let shows_both = |frame: &RgbaImage| green(frame) > of_one + 1000;
+    let frames = scene.frames_until("the second prop", shows_both);
+    for frame in &frames {
+        let darker = frame.pixels().zip(before.pixels()).filter(|(now, then)| now[0] + 20 < then[0]).count();
+        assert!(darker == 0 || shows_both(frame), "{darker} pixels are in the shadow of a prop that is not drawn");
+    }
+    let last = frames.last().unwrap();
+    assert!(last.pixels().zip(before.pixels()).filter(|(now, then)| now[0] + 20 < then[0]).count() > 300);
 }

@@ -1,17 +1,10 @@
 //! Tests what apps can know of their props, what is drawn until they are ready, and what `Headless` waits for.
 
-use std::{
-    sync::{Arc, Mutex},
-    time::Duration,
-};
+use std::time::Duration;
 
 use bevy::{
-    camera::RenderTarget,
     prelude::*,
-    render::{
-        render_resource::{BufferDescriptor, BufferUsages, PipelineCache},
-        view::screenshot::{Screenshot, ScreenshotCaptured},
-    },
+    render::render_resource::{BufferDescriptor, BufferUsages, PipelineCache},
 };
 use bevy_plenoctree::{
     BeforePalette, BilateralFilter, ColorCount, EdgeSmoothing, FieldPalette, FieldReady, Palette, PaletteExtraction,
@@ -177,20 +170,8 @@ fn props_stay_while_pipelines_of_their_levels_are_compiled() {
     stage.wait();
     let exact = stage.capture();
     stage.set(PropQuality { cell_size: 8.0, ..PropQuality::EXACT });
-    let RenderTarget::Image(target) = stage.headless.target() else { panic!("the target is no image") };
-    let frames = Arc::new(Mutex::new(Vec::<RgbaImage>::new()));
-    // Captures would wait for whole frames.
-    wait_for("the level", || {
-        let saved = frames.clone();
-        let save = move |event: On<ScreenshotCaptured>| {
-            saved.lock().unwrap().push(event.image.clone().try_into_dynamic().unwrap().into_rgba8());
-        };
-        stage.world().spawn(Screenshot::image(target.handle.clone())).observe(save);
-        stage.update(1);
-        frames.lock().unwrap().last().is_some_and(|frame| *frame != exact)
-    });
+    let frames = stage.frames_until("the level", |frame| *frame != exact);
     let covered = |frame: &RgbaImage| frame.pixels().filter(|pixel| pixel.0[..3] != NOTHING).count();
-    let frames = frames.lock().unwrap();
     let least = frames.iter().map(covered).min().unwrap();
     assert!(least > covered(&exact) / 2, "{least} of {} pixels show the prop", covered(&exact));
 }
@@ -210,13 +191,17 @@ fn states_follow_loading() {
     let world = stage.world();
     let missing = world.resource::<AssetServer>().load::<PlenOctree>("missing.npz");
     let prop = world.spawn((Prop(field.clone()), Visibility::Hidden)).id();
-    let failing = world.spawn(Prop(missing)).id();
-    wait_for("a failure", || {
-        stage.update(1);
-        !state(&stage, failing).is_waiting()
-    });
-    let PropState::Failed(PropError::Load(error)) = state(&stage, failing) else { panic!() };
-    assert!(error.contains("missing.npz"), "{error}");
+    let wrong = world.resource::<AssetServer>().load::<PlenOctree>("robot.palette.json");
+    for (field, name) in [(missing, "missing.npz"), (wrong, "robot.palette.json")] {
+        let failing = stage.world().spawn(Prop(field)).id();
+        wait_for("a failure", || {
+            stage.update(1);
+            !state(&stage, failing).is_waiting()
+        });
+        let PropState::Failed(PropError::Load(error)) = state(&stage, failing) else { panic!() };
+        // Bevy adds a backtrace to what loaders say.
+        assert!(error.contains(name) && error.lines().count() == 1, "{error}");
+    }
     assert_eq!(state(&stage, prop), PropState::Loading);
     assert!(!stage.resource::<Ended>().0);
 

@@ -9,7 +9,7 @@ use bevy::{
 use super::slot::Slot;
 use crate::{
     gpu::TreeShape,
-    render::plan::{Feature, Plan},
+    render::plan::{Feature, Plan, PlannedProp},
 };
 
 /// A render pass of a view.
@@ -278,6 +278,11 @@ pub(in crate::render) struct Draw {
 }
 
 impl Draw {
+    /// Returns the prop that it marches through.
+    pub fn prop_of<'a>(&self, plan: &'a Plan) -> Option<&'a PlannedProp> {
+        self.field.as_ref().and_then(|_| plan.props.get((self.instance & 0xffff) as usize))
+    }
+
     pub fn triangle(program: usize) -> Self {
         Self { program, field: None, vertices: 0..3, instance: 0, scissor: None }
     }

@@ -1,6 +1,7 @@
 //! The props in every shadow map, and their uniforms.
 
 use bevy::{
+    ecs::entity::EntityHashSet,
     platform::collections::HashMap,
     prelude::*,
     render::{
@@ -17,11 +18,11 @@ use super::{
     texels::{LightView, clip_from_part, parts},
 };
 use crate::{
-    gpu::{Allocator, GpuField, Level, TreeShape, WrittenBuffer},
+    gpu::{Allocator, GpuField, LeftOut, Level, Readiness, TreeShape, WrittenBuffer},
     quality::PropQuality,
     render::{
-        extract::ExtractedProps,
-        frame::{BindGroups, FirstGroup, Pipelines, Slot, TILE_FORMAT},
+        extract::{ExtractedProps, VisibleProps},
+        frame::{BindGroups, FirstGroup, Pipelines, PropView, Slot, TILE_FORMAT},
         uniforms::{PropUniform, ViewUniform},
     },
 };
@@ -83,8 +84,12 @@ pub(super) fn prepare_maps(
     (device, queue): (Res<RenderDevice>, Res<RenderQueue>),
     cache: Res<PipelineCache>,
     mut pipelines: ResMut<Pipelines>,
+    readiness: Res<Readiness>,
+    views: Query<(&VisibleProps, &PropView)>,
     mut maps: Query<(&ExtractedView, &mut MapProps)>,
 ) {
+    // Shadows do not appear before the props that cast them.
+    let hidden = if readiness.left_out == LeftOut::More { hidden_props(&extracted, &views) } else { default() };
     let layout = pipelines.first_layout(FirstGroup::Map);
     let layout_of_tile = cache.get_bind_group_layout(&pipelines.inputs_layout(SHADOW_SPAN, &[Slot::ShadowTile]));
     let mut of_trees = HashMap::<TreeShape, [CachedRenderPipelineId; 3]>::default();
@@ -98,19 +103,24 @@ pub(super) fn prepare_maps(
         cached.begin();
         groups.begin();
         for Caster { entity, index, level } in order {
-            let Some(prop) = extracted.props.get(*index) else {
+            let Some(prop) = extracted.props.get(*index).filter(|prop| !hidden.contains(&prop.entity)) else {
                 continue;
             };
-            let Some((level, _, pose)) = prop.at_level(*level, &fields) else {
+            // The field itself stands in for a level whose pipelines are not ready.
+            let found = [*level, Level::default()].into_iter().find_map(|level| {
+                let (level, _, pose) = prop.at_level(level, &fields)?;
+                let tree = level.shape.into();
+                let ids = *of_trees.entry(tree).or_insert_with(|| {
+                    passes(tree).map(|pass| pipelines.id(&cache, &pass, &pass.programs[0], TILE_FORMAT))
+                });
+                cache.get_render_pipeline(ids[0]).map(|_| (level, pose, ids))
+            });
+            let Some((level, pose, [march, fill, copy])) = found else {
                 continue;
             };
             let Some(seen) = LightView::new(&pose, view) else {
                 continue;
             };
-            let tree = level.shape.into();
-            let [march, fill, copy] = *of_trees.entry(tree).or_insert_with(|| {
-                passes(tree).map(|pass| pipelines.id(&cache, &pass, &pass.programs[0], TILE_FORMAT))
-            });
             let caster = PropUniform::caster(prop, &seen.rays, &PropQuality::EXACT);
             let texels = seen.to_cache();
             let key = CasterKey { caster, field: level.bind_group.id(), texels };
@@ -156,6 +166,14 @@ pub(super) fn prepare_maps(
         let bindings: Option<Vec<_>> = [&*of_view, &*props].into_iter().map(WrittenBuffer::binding).collect();
         *group = bindings.map(|bindings| groups.get(&device, &cache, &layout, &bindings));
     }
+}
+
+/// Returns the props that views do not draw yet because a pipeline is not ready.
+fn hidden_props(extracted: &ExtractedProps, views: &Query<(&VisibleProps, &PropView)>) -> EntityHashSet {
+    let drawn: EntityHashSet = views.iter().flat_map(|(_, view)| view.drawn_props()).collect();
+    let ordered = views.iter().flat_map(|(visible, _)| &visible.order);
+    let wanted = ordered.filter_map(|ordered| Some(extracted.props.get(ordered.index)?.entity));
+    wanted.filter(|prop| !drawn.contains(prop)).collect()
 }
 
 /// Adds the draw calls of a prop, one for every part of a texture of this `size`, and their uniforms.

@@ -28,6 +28,7 @@ use bevy::{
     render::{ExtractSchedule, Render, RenderApp, RenderStartup},
 };
 
+use super::prepare::plan_views;
 use crate::sets::PlenOctreeRenderSystems;
 
 pub(super) fn plugin(app: &mut App) {
@@ -43,7 +44,7 @@ pub(super) fn plugin(app: &mut App) {
             Render,
             (
                 levels::choose_levels.in_set(PlenOctreeRenderSystems::ChooseLevels),
-                maps::prepare_maps.in_set(PlenOctreeRenderSystems::PlanViews),
+                maps::prepare_maps.in_set(PlenOctreeRenderSystems::PlanViews).after(plan_views),
             ),
         )
         .add_systems(

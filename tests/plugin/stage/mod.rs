@@ -6,16 +6,19 @@ pub mod sides;
 
 use std::{
     io::Write,
+    sync::{Arc, Mutex},
     time::{Duration, Instant},
 };
 
 use bevy::{
+    camera::RenderTarget,
     core_pipeline::tonemapping::Tonemapping,
     prelude::*,
     render::{
         RenderApp,
         render_resource::{PipelineCache, PipelineDescriptor},
         renderer::{RenderAdapterInfo, RenderDevice},
+        view::screenshot::{Screenshot, ScreenshotCaptured},
     },
     shader::Shader,
 };
@@ -224,6 +227,23 @@ impl Stage {
 
     pub fn capture(&mut self) -> RgbaImage {
         self.headless.capture().unwrap()
+    }
+
+    /// Returns all frames up to the first one for which `is_last`, also those that a capture would draw again because
+    /// they are not complete.
+    pub fn frames_until(&mut self, what: &str, is_last: impl Fn(&RgbaImage) -> bool) -> Vec<RgbaImage> {
+        let RenderTarget::Image(target) = self.headless.target() else { panic!("the target is no image") };
+        let frames = Arc::new(Mutex::new(Vec::<RgbaImage>::new()));
+        wait_for(what, || {
+            let saved = frames.clone();
+            let save = move |event: On<ScreenshotCaptured>| {
+                saved.lock().unwrap().push(event.image.clone().try_into_dynamic().unwrap().into_rgba8());
+            };
+            self.world().spawn(Screenshot::image(target.handle.clone())).observe(save);
+            self.update(1);
+            frames.lock().unwrap().last().is_some_and(&is_last)
+        });
+        std::mem::take(&mut *frames.lock().unwrap())
     }
 
     /// Captures what a pinhole camera sees, in the frame of a field whose up axis is `up`.
