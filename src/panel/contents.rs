@@ -5,6 +5,7 @@ use bevy_egui::egui;
 use plenoctree::PlenOctree;
 
 use super::{editor::PaletteEditor, extraction, posterize, swatches};
+use crate::prop::PropError;
 
 /// Shows widgets that edit the palette of the entity `prop`, its [`Posterize`](crate::Posterize) settings, and the
 /// extraction of the palette.
@@ -43,7 +44,7 @@ pub fn palette_ui(ui: &mut egui::Ui, prop: Entity, editor: &mut PaletteEditor) {
 fn loading(ui: &mut egui::Ui, field: AssetId<PlenOctree>, editor: &PaletteEditor) {
     match editor.server.as_ref().and_then(|server| server.get_load_state(field)) {
         Some(LoadState::Failed(error)) => {
-            ui.colored_label(ui.visuals().error_fg_color, error.to_string());
+            ui.colored_label(ui.visuals().error_fg_color, PropError::of_loader(&error).to_string());
         }
         Some(LoadState::Loading) => {
             ui.horizontal(|ui| {

@@ -71,7 +71,7 @@ impl PropState {
 /// The reason why a prop cannot be drawn as it should be.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PropError {
-    /// The field could not be loaded. Holds the loader's message. The prop is not drawn, or if it had another field
+    /// The field could not be loaded. Holds the first line of the loader's message. The prop is not drawn, or if it had another field
     /// before, that one still is.
     #[error("{0}")]
     Load(String),

@@ -185,7 +185,8 @@ pub(super) fn plan_views(
 }
 
 /// The most frames for which a view is drawn as before because of pipelines that are not ready. They may never be.
-const MOST_HELD_FRAMES: u32 = 1000;
+/// Fewer than those for which a level is kept that is drawn but no longer requested.
+const MOST_HELD_FRAMES: u32 = 500;
 
 /// Plans the frame of a view, without what needs a pipeline that is not ready. If the last frame drew that, all is
 /// drawn as then. Returns the plan with its passes, or `None` if nothing is drawn, and what was left out.

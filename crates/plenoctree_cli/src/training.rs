@@ -63,7 +63,8 @@ impl Interruption {
         self.progress.is_stopped()
     }
 
-    /// Returns the result of `work` on an input, which errors name. Ctrl-C ends it early.
+    /// Returns the result of `work`. Ctrl-C ends it early. Errors about all views, or about an empty result, name the
+    /// input.
     pub fn watched<T: Send>(
         &self,
         input: &Path,

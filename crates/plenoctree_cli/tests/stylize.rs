@@ -63,7 +63,7 @@ fn earlier_files_are_kept() {
     assert!(of_both.contains("the report before is now") && !of_both.contains("images"), "{of_both}");
     assert_eq!(fs::read_to_string(out.join("report.json.old")).unwrap(), report);
     let of_one = warnings("1");
-    assert!(of_one.contains("has 2 images of earlier views, too, such as frame_001.original.png"), "{of_one}");
+    assert!(of_one.contains("also holds 2 images from an earlier run, such as frame_001.original.png"), "{of_one}");
     assert!(!out.join("report.json.old2").exists() && out.join("frame_001.original.png").exists());
 }
 

@@ -2,6 +2,8 @@
 
 use bevy::{prelude::*, render::render_resource::BindGroup};
 
+#[cfg(feature = "shadows")]
+use super::slot::Slot;
 use super::{bind_groups::BindGroups, buffers::ViewBuffers, cache::Cache, pass::Pass, textures::Textures};
 #[cfg(feature = "shadows")]
 use crate::render::shades::Shades;
@@ -44,7 +46,8 @@ impl PropView {
     /// Returns the props that are drawn, as entities of the main world.
     #[cfg(feature = "shadows")]
     pub(in crate::render) fn drawn_props(&self) -> impl Iterator<Item = Entity> {
-        let draws = self.passes.iter().filter(|pass| pass.may_leave_out_props()).flat_map(|pass| &pass.draws);
+        let draws_layer = |pass: &&Pass| pass.writes.iter().any(|slot| matches!(slot, Slot::Color(_)));
+        let draws = self.passes.iter().filter(draws_layer).flat_map(|pass| &pass.draws);
         draws.filter_map(|draw| Some(draw.prop_of(&self.plan)?.entity))
     }
 

@@ -71,7 +71,8 @@ type Owner<'a> = (Option<&'a ExtractedPosterize>, Option<&'a PlacedPalette>, Opt
 /// Plans the frame of a view, without what is `missing`. Returns `None` if it draws nothing.
 ///
 /// With a `held` plan, that of the last frame, it draws the same levels of the same props with the same pipelines, in
-/// their current places and colors. What is new waits, and of what is gone, only the pipelines stay: they draw the same without it.
+/// their current places and colors. What is new waits, and of what is gone, only the pipelines stay: they draw the same
+/// without it.
 pub(in crate::render) fn decide(
     known: &Known,
     missing: &[Feature],

@@ -18,7 +18,7 @@ use super::{
     texels::{LightView, clip_from_part, parts},
 };
 use crate::{
-    gpu::{Allocator, GpuField, LeftOut, Level, Readiness, TreeShape, WrittenBuffer},
+    gpu::{Allocator, GpuField, LeftOut, Level, TreeShape, WrittenBuffer},
     quality::PropQuality,
     render::{
         extract::{ExtractedProps, VisibleProps},
@@ -84,12 +84,10 @@ pub(super) fn prepare_maps(
     (device, queue): (Res<RenderDevice>, Res<RenderQueue>),
     cache: Res<PipelineCache>,
     mut pipelines: ResMut<Pipelines>,
-    readiness: Res<Readiness>,
     views: Query<(&VisibleProps, &PropView)>,
     mut maps: Query<(&ExtractedView, &mut MapProps)>,
 ) {
-    // Shadows do not appear before the props that cast them.
-    let hidden = if readiness.left_out == LeftOut::More { hidden_props(&extracted, &views) } else { default() };
+    let waiting = waiting_props(&extracted, &views);
     let layout = pipelines.first_layout(FirstGroup::Map);
     let layout_of_tile = cache.get_bind_group_layout(&pipelines.inputs_layout(SHADOW_SPAN, &[Slot::ShadowTile]));
     let mut of_trees = HashMap::<TreeShape, [CachedRenderPipelineId; 3]>::default();
@@ -97,30 +95,28 @@ pub(super) fn prepare_maps(
         let MapProps { order, filled, drawn, cached, allocator, view: of_view, uniforms, props, groups, group } =
             &mut *map;
         let size = view.viewport.zw();
+        // Shadows do not appear before the props that cast them, but those that are there stay.
+        let mut hidden = waiting.clone();
+        drawn.iter().for_each(|call| _ = hidden.remove(&call.entity));
         filled.clear();
         drawn.clear();
         uniforms.clear();
         cached.begin();
         groups.begin();
         for Caster { entity, index, level } in order {
-            let Some(prop) = extracted.props.get(*index).filter(|prop| !hidden.contains(&prop.entity)) else {
+            let Some(prop) = extracted.props.get(*index).filter(|_| !hidden.contains(entity)) else {
                 continue;
             };
-            // The field itself stands in for a level whose pipelines are not ready.
-            let found = [*level, Level::default()].into_iter().find_map(|level| {
-                let (level, _, pose) = prop.at_level(level, &fields)?;
-                let tree = level.shape.into();
-                let ids = *of_trees.entry(tree).or_insert_with(|| {
-                    passes(tree).map(|pass| pipelines.id(&cache, &pass, &pass.programs[0], TILE_FORMAT))
-                });
-                cache.get_render_pipeline(ids[0]).map(|_| (level, pose, ids))
-            });
-            let Some((level, pose, [march, fill, copy])) = found else {
+            let Some((level, _, pose)) = prop.at_level(*level, &fields) else {
                 continue;
             };
             let Some(seen) = LightView::new(&pose, view) else {
                 continue;
             };
+            let tree = level.shape.into();
+            let [march, fill, copy] = *of_trees.entry(tree).or_insert_with(|| {
+                passes(tree).map(|pass| pipelines.id(&cache, &pass, &pass.programs[0], TILE_FORMAT))
+            });
             let caster = PropUniform::caster(prop, &seen.rays, &PropQuality::EXACT);
             let texels = seen.to_cache();
             let key = CasterKey { caster, field: level.bind_group.id(), texels };
@@ -168,12 +164,16 @@ pub(super) fn prepare_maps(
     }
 }
 
-/// Returns the props that views do not draw yet because a pipeline is not ready.
-fn hidden_props(extracted: &ExtractedProps, views: &Query<(&VisibleProps, &PropView)>) -> EntityHashSet {
-    let drawn: EntityHashSet = views.iter().flat_map(|(_, view)| view.drawn_props()).collect();
-    let ordered = views.iter().flat_map(|(visible, _)| &visible.order);
-    let wanted = ordered.filter_map(|ordered| Some(extracted.props.get(ordered.index)?.entity));
-    wanted.filter(|prop| !drawn.contains(prop)).collect()
+/// Returns the props that views do not draw because a pipeline is not ready, as entities of the main world.
+fn waiting_props(extracted: &ExtractedProps, views: &Query<(&VisibleProps, &PropView)>) -> EntityHashSet {
+    let waiting = views.iter().filter(|(_, view)| view.left_out == LeftOut::More);
+    let ordered = waiting.flat_map(|(visible, _)| &visible.order);
+    let mut props: EntityHashSet =
+        ordered.filter_map(|ordered| Some(extracted.props.get(ordered.index)?.entity)).collect();
+    if !props.is_empty() {
+        views.iter().flat_map(|(_, view)| view.drawn_props()).for_each(|drawn| _ = props.remove(&drawn));
+    }
+    props
 }
 
 /// Adds the draw calls of a prop, one for every part of a texture of this `size`, and their uniforms.

@@ -32,7 +32,7 @@ fn is_of_frame(name: &str) -> bool {
     is_kind && index.bytes().all(|byte| byte.is_ascii_digit())
 }
 
-/// Says if there are images of earlier views beside those that were `written`: nothing else tells them apart.
+/// Warns if there are images from an earlier run beside those that were `written`: nothing else tells them apart.
 pub fn warn_of_earlier_frames<'a>(folder: &Path, written: impl Iterator<Item = &'a String>) {
     let written: HashSet<_> = written.collect();
     let names = fs::read_dir(folder).into_iter().flatten().flatten().flat_map(|entry| entry.file_name().into_string());
@@ -41,7 +41,7 @@ pub fn warn_of_earlier_frames<'a>(folder: &Path, written: impl Iterator<Item = &
     earlier.sort();
     if let Some(first) = earlier.first() {
         let images = counted(earlier.len(), "image", "images");
-        console::complain!("{}: has {images} of earlier views, too, such as {first}", folder.display());
+        console::complain!("warning: {}: also holds {images} from an earlier run, such as {first}", folder.display());
     }
 }
 
