@@ -71,8 +71,8 @@ impl PropState {
 /// The reason why a prop cannot be drawn as it should be.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PropError {
-    /// The field could not be loaded. Holds the first line of the loader's message. The prop is not drawn, or if it had another field
-    /// before, that one still is.
+    /// The field could not be loaded. Holds the first line of the loader's message. The prop is not drawn, or if it had
+    /// another field before, that one still is.
     #[error("{0}")]
     Load(String),
     /// The GPU cannot hold the field. The prop is not drawn. If its field was reloaded or replaced, the earlier one is
