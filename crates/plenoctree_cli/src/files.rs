@@ -64,50 +64,44 @@ pub fn check_image(image: &Path) -> Result {
     }
 }
 
-/// Copies what `path` holds, if `is_lost` says that it would be lost, to a file next to it that does not exist yet.
-/// Returns the name of that file.
-fn keep_former(path: &Path, is_lost: impl FnOnce(&[u8]) -> bool) -> Result<Option<PathBuf>> {
+/// Copies what `path` holds, if `is_lost` says that it would be lost, to a file next to it that does not exist yet, and
+/// says so. `what` is what it holds.
+fn keep_former(path: &Path, what: &str, is_lost: impl FnOnce(&[u8]) -> bool) -> Result {
     // Pipes and devices hold nothing.
     if !path.is_file() {
-        return Ok(None);
+        return Ok(());
     }
-    let Ok(former) = fs::read(path) else { return Ok(None) };
+    let Ok(former) = fs::read(path) else { return Ok(()) };
     if !is_lost(&former) {
-        return Ok(None);
+        return Ok(());
     }
     let names =
         (1..).map(|number| path.with_added_extension(if number == 1 { "old".into() } else { format!("old{number}") }));
     for name in names.take(1000) {
         match fs::read(&name) {
-            Ok(kept) if kept == former => return Ok(Some(name)),
+            Ok(kept) if kept != former => continue,
             Ok(_) => {}
-            Err(_) => {
-                write(&name, |file| file.write_all(&former))?;
-                return Ok(Some(name));
-            }
+            Err(_) => write(&name, |file| file.write_all(&former))?,
         }
+        console::complain!("{}: replaced; the {what} before is now {}", path.display(), name.display());
+        return Ok(());
     }
     Err(format!("{}: would be lost: there are a thousand older ones next to it; choose another --out", path.display())
         .into())
 }
 
-/// Keeps the palette at `path` under another name, and says so, unless it is the same as the one that replaces it.
+/// Keeps the palette at `path` under another name, unless it is the same as the one that replaces it.
 pub fn keep_former_palette(path: &Path, new: Option<&Palette>) -> Result {
-    let is_lost = |former: &[u8]| new.is_none_or(|new| Palette::from_json(former, path).ok().as_ref() != Some(new));
-    if let Some(kept) = keep_former(path, is_lost)? {
-        console::complain!("{}: replaced; the palette before is now {}", path.display(), kept.display());
-    }
-    Ok(())
+    keep_former(path, "palette", |former| {
+        new.is_none_or(|new| Palette::from_json(former, path).ok().as_ref() != Some(new))
+    })
 }
 
-/// Keeps the report at `path` under another name, and says so, if it is that of another command: if it lacks an entry.
+/// Keeps the report at `path` under another name if it is that of another command: if it lacks an entry.
 pub fn keep_former_report(path: &Path, entry: &str) -> Result {
-    let is_lost =
-        |former: &[u8]| serde_json::from_slice::<Value>(former).map_or(true, |report| report.get(entry).is_none());
-    if let Some(kept) = keep_former(path, is_lost)? {
-        console::complain!("{}: replaced; the report before is now {}", path.display(), kept.display());
-    }
-    Ok(())
+    keep_former(path, "report", |former| {
+        serde_json::from_slice::<Value>(former).map_or(true, |report| report.get(entry).is_none())
+    })
 }
 
 /// Checks that nothing in a folder that is read is written, if what is written there has names for which `writes` is
