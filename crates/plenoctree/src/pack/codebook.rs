@@ -35,27 +35,56 @@ pub(super) struct Book {
     pub rows: Vec<u16>,
 }
 
-/// Builds a codebook of at most `most` rows, whose coefficients are multiples of `step`.
-pub(super) fn build(leaves: &Leaves, most: usize, step: f32, progress: &Progress) -> Result<Book, Canceled> {
-    let count = leaves.seen.len();
-    if leaves.width() == 0 || count == 0 {
-        return Ok(Book::default());
+/// The largest step that makes room for larger coefficients, in encoded sRGB. What exceeds its room is clipped.
+const ROOM_UP_TO: f32 = 0.01;
+
+/// A codebook before its coefficients are rounded.
+pub(super) struct Draft {
+    /// The leaves that may have other rows than the first.
+    chosen: Vec<u32>,
+    table: Vec<f32>,
+    costs: Costs,
+}
+
+impl Draft {
+    /// Makes at most `most` rows.
+    pub fn new(leaves: &Leaves, most: usize, progress: &Progress) -> Result<Self, Canceled> {
+        let count = leaves.seen.len();
+        if leaves.width() == 0 || count == 0 {
+            return Ok(Self { chosen: Vec::new(), table: Vec::new(), costs: Costs::guess(0) });
+        }
+        let all: Vec<u32> = (0..count as u32).collect();
+        let is_worth = |leaf: &u32| leaves.worth(*leaf as usize, &mut Vec::new()) > LEAST_BITS;
+        let chosen: Vec<u32> = all.into_par_iter().filter(is_worth).collect();
+        progress.check()?;
+        let mut table = start(leaves, &chosen, most, progress)?;
+        let mut costs = Costs::guess(table.len() / leaves.width());
+        for _ in 0..ROUNDS {
+            let rows = assigned(leaves, &chosen, &table, &costs, progress)?;
+            costs = Costs::of(&rows, costs.rows.len());
+            table = moved(leaves, &rows, table, None, progress)?;
+        }
+        Ok(Self { chosen, table, costs })
     }
-    let all: Vec<u32> = (0..count as u32).collect();
-    let is_worth = |leaf: &u32| leaves.worth(*leaf as usize, &mut Vec::new()) > LEAST_BITS;
-    let chosen: Vec<u32> = all.into_par_iter().filter(is_worth).collect();
-    progress.check()?;
-    let mut table = start(leaves, &chosen, most, progress)?;
-    let mut costs = Costs::guess(table.len() / leaves.width());
-    for _ in 0..ROUNDS {
+
+    /// Returns the least step with which no coefficient is clipped, or [`ROOM_UP_TO`] if that is less. `unit` is the
+    /// coefficient of encoded sRGB.
+    pub fn least_step(&self, unit: f32) -> f32 {
+        let most = self.table.iter().fold(0.0, |most: f32, value| most.max(value.abs()));
+        (most / LARGEST).min(ROOM_UP_TO * unit)
+    }
+
+    /// Returns the codebook, whose coefficients are multiples of `step`.
+    pub fn finished(self, leaves: &Leaves, step: f32, progress: &Progress) -> Result<Book, Canceled> {
+        let Self { chosen, table, costs } = self;
+        if table.is_empty() {
+            return Ok(Book::default());
+        }
         let rows = assigned(leaves, &chosen, &table, &costs, progress)?;
-        costs = Costs::of(&rows, costs.rows.len());
-        table = moved(leaves, &rows, table, None, progress)?;
+        let table = moved(leaves, &rows, table, Some(step), progress)?;
+        let rows = assigned(leaves, &chosen, &table, &Costs::of(&rows, costs.rows.len()), progress)?;
+        Ok(sorted(leaves.width(), &rows, &table, step))
     }
-    let rows = assigned(leaves, &chosen, &table, &costs, progress)?;
-    let table = moved(leaves, &rows, table, Some(step), progress)?;
-    let rows = assigned(leaves, &chosen, &table, &Costs::of(&rows, costs.rows.len()), progress)?;
-    Ok(sorted(leaves.width(), &rows, &table, step))
 }
 
 /// Returns the row of every leaf. Leaves that are not `chosen` get the first row, or one that an earlier leaf has.

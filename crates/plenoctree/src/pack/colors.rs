@@ -40,6 +40,22 @@ pub(super) fn corrected(
     seen.iter().enumerate().map(of_leaf).collect()
 }
 
+/// The largest step that makes room for larger colors. It has room for luma of 16 and for differences of 4, in encoded
+/// sRGB. What exceeds that is clipped.
+const ROOM_UP_TO: f32 = 0.008;
+
+/// Returns the least step with which no color is clipped, or [`ROOM_UP_TO`] if that is less. `unit` is the coefficient of
+/// encoded sRGB.
+pub(super) fn least_step(colors: &[[f32; 3]], unit: f32) -> f32 {
+    let of_part = |(part, (_, high)): (usize, (i16, i16))| {
+        let most = colors.iter().map(|color| color[part].abs()).fold(0.0, f32::max);
+        // A step may still become a little smaller.
+        most / (0.98 * f32::from(high))
+    };
+    let steps = COLOR_RANGES.into_iter().enumerate().map(of_part);
+    steps.fold(0.0, f32::max).min(ROOM_UP_TO * unit)
+}
+
 /// Rounds colors to multiples of `step`.
 ///
 /// Colors are stored as differences from the previous leaf, so a leaf's numbers are moved toward those of that leaf as

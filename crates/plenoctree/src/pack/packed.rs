@@ -6,7 +6,7 @@ use half::f16;
 
 use super::{
     PackSettings,
-    codebook::{self, Book},
+    codebook::{Book, Draft},
     colors, density,
     leaves::Leaves,
     metric::Metric,
@@ -130,18 +130,15 @@ fn quantize(
     let slope = settings.slope(field);
     let opacity_bits = settings.bits(1.0) * 3.0 * CONTRAST * CONTRAST * slope * slope / mean;
     let (densities, levels) = density::quantize(field, &seen, settings.density_levels, opacity_bits);
-    let (luma, chroma) = books(field, &seen, metric, settings, progress)?;
-    let has_directions = field.basis().functions() > 1;
-    let color_step = if has_directions { settings.color_step } else { between_bins(settings.color_step) };
-    let tables = Tables {
-        color_step: color_step * unit,
-        table_step: settings.table_step * unit,
-        luma: luma.table,
-        chroma: chroma.table,
-    };
+    let ([luma, chroma], table_step) = books(field, &seen, metric, settings, progress)?;
     let rows: Vec<[u16; 2]> = luma.rows.into_iter().zip(chroma.rows).map(|(luma, chroma)| [luma, chroma]).collect();
+    let tables = Tables { color_step: 0.0, table_step, luma: luma.table, chroma: chroma.table };
     let colors = colors::corrected(field, &seen, metric, &rows, &tables);
-    let colors = colors::quantize(&colors, &seen, tables.color_step, settings.bits(settings.color_step));
+    let has_directions = field.basis().functions() > 1;
+    let color_step = settings.color_step.max(colors::least_step(&colors, unit) / unit);
+    let color_step = if has_directions { color_step } else { between_bins(color_step) };
+    let tables = Tables { color_step: color_step * unit, ..tables };
+    let colors = colors::quantize(&colors, &seen, tables.color_step, settings.bits(color_step));
     Ok(Quantized {
         frame: field.frame(),
         basis: field.basis(),
@@ -167,14 +164,14 @@ impl PlenOctree {
     }
 }
 
-/// Builds the codebooks of luma and of the differences.
+/// Builds the codebooks of luma and of the differences. Returns them and the step of their coefficients.
 fn books(
     field: &PlenOctree,
     seen: &[Seen],
     metric: &Metric,
     settings: &PackSettings,
     progress: &Progress,
-) -> Result<(Book, Book), Canceled> {
+) -> Result<([Book; 2], f32), Canceled> {
     let (mut luma, mut chroma) = (Vec::new(), Vec::new());
     for leaf in 0..seen.len() {
         let colors = field.stored().of_functions(field.basis(), leaf);
@@ -183,13 +180,16 @@ fn books(
         chroma.extend(parts().map(|parts| parts[1]));
         chroma.extend(parts().map(|parts| parts[2]));
     }
-    let step = settings.table_step * settings.unit(field);
-    let scale = settings.bits(1.0 / settings.unit(field));
+    let unit = settings.unit(field);
+    let scale = settings.bits(1.0 / unit);
     let leaves = |values, shares| Leaves { metric, seen, shares, values, scale };
     let rows = settings.rows as usize;
-    let luma = codebook::build(&leaves(luma, &[1.0]), rows, step, progress)?;
-    let chroma = codebook::build(&leaves(chroma, &[2.0 / 3.0, 1.0]), rows.div_ceil(2), step, progress)?;
-    Ok((luma, chroma))
+    let (luma, chroma) = (leaves(luma, &[1.0]), leaves(chroma, &[2.0 / 3.0, 1.0]));
+    let drafts = [Draft::new(&luma, rows, progress)?, Draft::new(&chroma, rows.div_ceil(2), progress)?];
+    let least = drafts.each_ref().map(|draft| draft.least_step(unit)).into_iter().fold(0.0, f32::max);
+    let step = f32::max(settings.table_step * unit, least);
+    let [of_luma, of_chroma] = drafts;
+    Ok(([of_luma.finished(&luma, step, progress)?, of_chroma.finished(&chroma, step, progress)?], step))
 }
 
 /// Scales the weights of channels so that their mean over all leaves is 1, and returns the previous mean.

@@ -178,6 +178,26 @@ fn quality_buys_accuracy_with_bytes() {
     }
 }
 
+/// Colors and coefficients that the finest steps cannot reach get larger steps: they are not clipped.
+#[test]
+fn finer_steps_are_never_worse() {
+    for basis in [Basis::Rgba, Basis::Sh9] {
+        let field = ball(5, basis);
+        let mut last = 0.0;
+        for step in [8e-3, 1e-3, 1e-4] {
+            let settings = PackSettings { color_step: step, table_step: step, tolerance: 0.0, ..PackSettings::FINE };
+            let now = psnr(&field, pack(&field, &settings).field());
+            assert!(now > f64::max(last - 0.1, 43.0), "{basis:?}, {step}: {now} after {last} dB");
+            last = now;
+        }
+    }
+    let settings = BakeSettings { depth: 3, basis: Basis::Rgba, min_density: 0.0, ..Default::default() };
+    let bright = bake(&settings, |_| 9.0, |_| |_| DVec3::new(15.0, 14.0, 13.0)).unwrap();
+    let packed = pack(&bright, &PackSettings { color_step: 1e-4, ..PackSettings::FINE });
+    let color = packed.field().render_ray(DVec3::new(0.1, 0.1, -2.0), DVec3::Z).0;
+    assert!((color - DVec3::new(15.0, 14.0, 13.0)).abs().max_element() < 0.1, "{color}");
+}
+
 /// The inside of a ball is dropped, except if all leaves are to be kept.
 #[test]
 fn only_what_is_seen_is_kept() {
