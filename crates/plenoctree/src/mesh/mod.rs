@@ -16,7 +16,7 @@ use crate::field::PlenOctree;
 const PADDING: i32 = 2;
 /// How far simplifying moves the surface at most, in cells.
 const TOLERANCE: f64 = 0.1;
-/// Largest number of cells of the grid: 640 MiB of numbers.
+/// Largest number of cells of the grid: 896 MiB of numbers.
 const MAX_CELLS: f64 = (1u32 << 26) as f64;
 
 /// A closed surface. Seen from outside, the corners of its triangles go around counterclockwise.
@@ -52,8 +52,9 @@ impl PlenOctree {
     /// The surface is found in a grid of cubes of width `cell_size`, in world units of the field: larger cubes make
     /// simpler surfaces. The solidity of a cube is the opacity of paths of that length through its content; the surface
     /// is where it reaches `opacity`, more than 0 and less than 1 in float32. Closed hollows count as solid, because
-    /// trained and packed fields are often empty inside. Walls that are thinner than a cube become as thick as one. An
-    /// empty field has an empty surface.
+    /// trained and packed fields are often empty inside. Walls that are thinner than a cube become as thick as one. In
+    /// cubes that are hardly larger than the field's cells, hardly anything is opaque, so that walls have holes. An empty
+    /// field has an empty surface.
     ///
     /// The surface is simplified: parts that are flat to within a tenth of a cube consist of few, large triangles.
     ///
@@ -89,8 +90,11 @@ struct Grid {
     shape: RuntimeShape<u32, 3>,
     size: IVec3,
     solid: Vec<f32>,
-    /// The opacity of each cube along each axis, in steps of 1/65535. That of a thin wall is greater than its solidity.
+    /// The opacity of each cube along each axis, in steps of 1/65535, as if its leaves were side by side. That of a thin
+    /// wall is greater than its solidity.
     across: Vec<[u16; 3]>,
+    /// The mean optical depth of each cube.
+    depth: Vec<f32>,
 }
 
 /// The steps between the neighbors of a cube that share a side with it.
@@ -101,8 +105,8 @@ impl Grid {
         let shape = RuntimeShape::<u32, 3>::new(size.to_array());
         let count = shape.size() as usize;
         let origin = low + (0.5 - f64::from(PADDING)) * cell_size;
-        let (solid, across) = (vec![0.0; count], vec![[0; 3]; count]);
-        Self { origin, cell_size, shape, size: size.as_ivec3(), solid, across }
+        let (solid, across, depth) = (vec![0.0; count], vec![[0; 3]; count], vec![0.0; count]);
+        Self { origin, cell_size, shape, size: size.as_ivec3(), solid, across, depth }
     }
 
     fn index(&self, cell: IVec3) -> usize {
@@ -132,6 +136,7 @@ impl Grid {
                         let part = DVec3::new(share(0, x), share(1, y), share(2, z));
                         let volume = part.element_product();
                         self.solid[index] += (absorbed * volume) as f32;
+                        self.depth[index] += (density * volume) as f32;
                         for (axis, across) in self.across[index].iter_mut().enumerate() {
                             let area = volume / part[axis].max(1e-9);
                             let opacity = -area * (-density * part[axis]).exp_m1();
@@ -145,11 +150,12 @@ impl Grid {
 
     /// Fills hollows, which are what cannot be reached from outside, and thickens walls that are thinner than a cube.
     fn fill(&mut self, opacity: f32) {
-        let is_wall: Vec<bool> = self
-            .across
-            .iter()
-            .map(|across| across.iter().any(|across| f32::from(*across) >= 65535.0 * opacity))
-            .collect();
+        // Leaves behind one another are less opaque than side by side, and no cube is more opaque than an even one.
+        let is_thick = |depth: &f32| -(-depth).exp_m1() >= opacity;
+        let is_wall = |(across, depth): (&[u16; 3], &f32)| {
+            is_thick(depth) && across.iter().any(|across| f32::from(*across) >= 65535.0 * opacity)
+        };
+        let is_wall: Vec<bool> = self.across.iter().zip(&self.depth).map(is_wall).collect();
         let mut outside = vec![false; self.solid.len()];
         outside[0] = true;
         let mut open = vec![IVec3::ZERO];
@@ -319,6 +325,16 @@ mod tests {
                 })
                 .sum();
             assert!((7.0..12.0).contains(&area), "{area} in cells of {cell_size}");
+        }
+    }
+
+    /// Matter that is not opaque enough in any direction is no wall, however many leaves a cube has, or touches.
+    #[test]
+    fn thin_matter_has_no_surface() {
+        for (density, opacity, cell_size) in [(4.5, 0.99, 0.25), (2.5, 0.5, 0.25), (100.0, 0.999, 0.02)] {
+            let ball = field(|at| if at.length() < 0.8 { density } else { 0.0 });
+            let mesh = ball.surface_mesh(opacity, cell_size).unwrap();
+            assert!(mesh.triangles.is_empty(), "{density}: {} triangles", mesh.triangles.len());
         }
     }
 

@@ -106,6 +106,10 @@ pub fn decibels(mean_squared: f64) -> f64 {
 /// Returns the structural similarity of two images whose rows are `width` pixels wide, at most 1: the mean over all
 /// pixels and channels, in Gaussian windows of 11 x 11 pixels with a standard deviation of 1.5 (Wang et al. 2004).
 /// Colors are in encoded sRGB.
+///
+/// # Panics
+///
+/// Panics if the images do not consist of whole rows.
 pub fn ssim(a: &[DVec3], b: &[DVec3], width: usize) -> f64 {
     let (c1, c2) = (0.01f64.powi(2), 0.03f64.powi(2));
     let blurred = |f: &dyn Fn(DVec3, DVec3) -> DVec3| blur(a.iter().zip(b).map(|(a, b)| f(*a, *b)).collect(), width);

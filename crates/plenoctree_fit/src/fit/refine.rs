@@ -12,6 +12,7 @@ use super::{
     measure::quick_psnr,
     progress::FitProgress,
     report::{RoundReport, StageReport},
+    settings::check_effort,
     to_field::to_merged_field,
     train::{Model, Position, Stage, TrainView, backdrop::Backdrop, gallery::Gallery, train, visibility::seen},
 };
@@ -113,7 +114,7 @@ pub(super) struct RefinedGrid {
 ///
 /// # Errors
 ///
-/// Returns an error if there are fewer than two shots, if nothing of the field is in view, or if the field is not of
+/// Returns an error if a setting is out of range, if there are fewer than two shots, if nothing of the field is in view, or if the field is not of
 /// the kind that is fitted: a cube of at most 10 levels, with leaves of at most 32 finest cells a side, and a sigmoid
 /// of harmonics up to degree 3.
 pub fn refine(
@@ -123,6 +124,7 @@ pub fn refine(
     settings: &RefineSettings,
     progress: &FitProgress,
 ) -> Result<Refined, FitError> {
+    check_effort(settings.effort)?;
     let count: usize = shots.iter().map(Vec::len).sum();
     if count < 2 {
         return Err(FitError::Views { found: count.to_string(), expected: "at least two shots" });

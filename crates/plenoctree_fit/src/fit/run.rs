@@ -38,6 +38,8 @@ const FIRST_THICKNESS: f32 = 0.03;
 const FEWEST_TRANSPARENT: usize = 4;
 /// How often a checkpoint is written.
 const SAVE_EVERY: Duration = Duration::from_secs(60);
+/// The most that it takes to prepare a stage, relative to the one before it: splitting voxels, and finding what is seen.
+const PREPARING: f64 = 5.0;
 
 /// A fitted field.
 #[derive(Clone, Debug)]
@@ -135,20 +137,30 @@ pub fn fit(
         return Err(FitError::Stopped);
     }
     let depth = settings.depth.unwrap_or_else(|| depth_of(&gallery.cameras(), place.cube));
-    let schedule = Schedule::new(settings, depth, !knows_opacity);
+    let mut schedule = Schedule::new(settings, depth, !knows_opacity);
+    // What is left of the time, if it is limited.
+    let mut left = settings.time.map(|time| time.as_secs_f64() * (1.0 - schedule.shares(position.stage).0));
+    let mut is_last = false;
     let mut report = FitReport { views: gallery.len(), ..FitReport::default() };
     let mut saved_at = Instant::now();
     while !progress.is_stopped() && position.stage < schedule.stages.len() {
-        let stage = &schedule.stages[position.stage];
+        let (before, share) = schedule.shares(position.stage);
+        let stage = &mut schedule.stages[position.stage];
+        progress.update(|status| (status.stage, status.fraction) = (format!("{0}^3", stage.resolution), before));
+        if let Some(left) = left.filter(|_| !is_last) {
+            stage.time = Some(left * share / (1.0 - before));
+        }
+        let stage = &*stage;
         if model.grid.resolution() < stage.resolution {
             let start = Instant::now();
             model.grid = split(&model.grid, &gallery.cameras(), stage);
             position.seconds += start.elapsed().as_secs_f64();
         }
-        let (before, share) = schedule.shares(position.stage);
         let mut psnr = None;
         let mut measured_at = -1.0;
+        let mut prepared = None;
         let mut watch = |model: &Model, position: &Position, fraction: f64, random: &Random| {
+            prepared.get_or_insert(position.seconds);
             if fraction >= measured_at + 0.1 {
                 measured_at = fraction;
                 psnr = quick_psnr(&model.grid, &model.backdrop, &measured);
@@ -165,8 +177,22 @@ pub fn fit(
             }
         };
         train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
+        // Finer voxels pay if there is time to train them: as much as it takes to prepare them. Otherwise, those that are
+        // there are trained on.
+        let preparing = prepared.unwrap_or(position.seconds);
+        let rest = left.map(|left| left - position.seconds);
+        let is_finest = position.stage + 1 == schedule.stages.len();
+        if let Some(rest) = rest.filter(|rest| !is_last && !is_finest && 2.0 * PREPARING * preparing > *rest) {
+            is_last = true;
+            schedule.stages[position.stage].time = Some(position.seconds + rest.max(2.0 * preparing));
+            continue;
+        }
+        left = rest;
         let psnr = quick_psnr(&model.grid, &model.backdrop, &measured);
         report.stages.push(StageReport::new(&model, &position, psnr));
+        if is_last {
+            break;
+        }
         if !progress.is_stopped() {
             position = Position { stage: position.stage + 1, ..Position::default() };
         }

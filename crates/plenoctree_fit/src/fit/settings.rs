@@ -34,7 +34,7 @@ pub struct FitSettings {
     /// How much work to do, as a multiple of the default. Above 0, 1 by default.
     pub effort: f64,
     /// Time for training, which does not include reading the pictures and measuring the result. The field is then as
-    /// good as the time allows, but differs from run to run. `None`, the default, does the work that `effort`
+    /// good as the time allows, but differs from run to run. Stages for whose finer cells there is no time are left out. `None`, the default, does the work that `effort`
     /// specifies.
     pub time: Option<Duration>,
     /// Seed of the random numbers. The same seed gives the same field, on any number of threads, unless `time` is set.
@@ -111,12 +111,15 @@ impl FitSettings {
         {
             return fault("background", color.to_string(), "encoded sRGB from 0 to 1");
         }
-        if self.hold_out.is_some_and(|every| every < 2) {
-            return fault("hold_out", format!("{:?}", self.hold_out), "at least 2, or none");
+        if let Some(every) = self.hold_out.filter(|every| *every < 2) {
+            return fault("hold_out", every.to_string(), "at least 2, or none");
         }
-        if !(self.effort > 0.0 && self.effort.is_finite()) {
-            return fault("effort", self.effort.to_string(), "a number above 0");
-        }
-        Ok(())
+        check_effort(self.effort)
     }
+}
+
+/// Returns an error unless an effort is in its range.
+pub(super) fn check_effort(effort: f64) -> Result<(), FitError> {
+    let error = || FitError::Setting { setting: "effort", found: effort.to_string(), expected: "a number above 0" };
+    if effort > 0.0 && effort.is_finite() { Ok(()) } else { Err(error()) }
 }

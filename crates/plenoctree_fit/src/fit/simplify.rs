@@ -12,6 +12,7 @@ use super::{
     grid::{Grid, Voxel},
     progress::FitProgress,
     refine::{Shot, refine_by, views},
+    settings::check_effort,
     to_field::to_field,
     train::{
         Stage,
@@ -52,6 +53,18 @@ impl Default for SimplifySettings {
     }
 }
 
+impl SimplifySettings {
+    /// Returns an error that names the first setting that is out of range.
+    fn validate(&self) -> Result<(), FitError> {
+        for (setting, penalty) in [("smoothness", self.smoothness), ("evenness", self.evenness)] {
+            if !(penalty >= 0.0 && penalty.is_finite()) {
+                return Err(FitError::Setting { setting, found: penalty.to_string(), expected: "a number, 0 or more" });
+            }
+        }
+        check_effort(self.effort)
+    }
+}
+
 /// Returns a field with fewer leaves and smoother colors, whose pictures from outside are nearly those of `field`, on
 /// all cores of the current rayon pool. Recorded [histograms](PlenOctree::histograms) stay.
 ///
@@ -60,19 +73,26 @@ impl Default for SimplifySettings {
 /// toward each other. This removes what training left in places and directions that hardly show, and that a packed
 /// field would have to store.
 ///
+/// If `progress` is stopped, the result is less simple, or the field as it was.
+///
 /// # Errors
 ///
-/// Returns an error if the field is not of the kind that is fitted: a cube of 6 to 10 levels, with leaves of at most
+/// Returns an error if a setting is out of range, or if the field is not of the kind that is fitted: a cube of 6 to 10 levels, with leaves of at most
 /// four finest cells a side, and a sigmoid of harmonics up to degree 3.
 pub fn simplify(
     field: &PlenOctree,
     settings: &SimplifySettings,
     progress: &FitProgress,
 ) -> Result<PlenOctree, FitError> {
+    settings.validate()?;
     let grid = Grid::of_field_or_error(field, Voxel::LARGEST)?;
     let cells = f64::from(grid.resolution());
     let size = (PIXELS_PER_CELL * cells).min(MOST_PIXELS);
-    let shots: Vec<Shot> = cameras(field, size as u32).par_iter().map(|camera| photograph(&grid, camera)).collect();
+    progress.update(|status| status.stage = "drawing".into());
+    let draw = |camera: &PinholeCamera| (!progress.is_stopped()).then(|| photograph(&grid, camera));
+    let Some(shots) = cameras(field, size as u32).par_iter().map(draw).collect::<Option<Vec<Shot>>>() else {
+        return Ok(field.clone());
+    };
     // A voxel's errors count once for each pixel that it covers.
     let pixels = (size / cells).powi(2) as f32;
     let (direction, color) = (settings.smoothness * pixels, settings.evenness * pixels);
@@ -162,6 +182,29 @@ mod tests {
             sum / colors.len() as f64
         };
         assert!(grain(&simple) < 0.8 * grain(&field), "{} {}", grain(&simple), grain(&field));
+    }
+
+    /// Settings out of range are named at once, and what is stopped ends at once.
+    #[test]
+    fn wrong_settings_are_errors_and_stopping_ends() {
+        let settings = BakeSettings { depth: 6, basis: Basis::Sh1, ..Default::default() };
+        let field = bake(&settings, |at| if at.length() < 0.5 { 60.0 } else { 0.0 }, |_| |_| DVec3::splat(0.5));
+        let field = field.unwrap();
+        let default = SimplifySettings::default;
+        for (settings, name) in [
+            (SimplifySettings { effort: 0.0, ..default() }, "effort"),
+            (SimplifySettings { effort: f64::NAN, ..default() }, "effort"),
+            (SimplifySettings { smoothness: -1.0, ..default() }, "smoothness"),
+            (SimplifySettings { smoothness: f32::INFINITY, ..default() }, "smoothness"),
+            (SimplifySettings { evenness: f32::NAN, ..default() }, "evenness"),
+        ] {
+            let error = simplify(&field, &settings, &FitProgress::default()).unwrap_err();
+            assert!(error.to_string().starts_with(name), "{error}");
+        }
+        let progress = FitProgress::default();
+        progress.stop();
+        let same = simplify(&field, &default(), &progress).unwrap();
+        assert_eq!((same.densities(), progress.status().stage.as_str()), (field.densities(), "drawing"));
     }
 
     /// What is recorded is that of the field before it was simplified, also once it is packed.

@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::motion::{Motion, Shades};
 use crate::palette::{colors::Palette, oklab::oklab, ramp::InvalidRamps};
 
-/// How a ramp is shown, starting from its source colors: section 4 of the method, step 7. The default changes nothing.
+/// How a ramp is shown, starting from its source colors: section 4 of the method, step 7. The default changes nothing,
+/// and counts for whatever is not finite.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 #[cfg_attr(
@@ -40,6 +41,19 @@ impl RampAdjustment {
     /// Returns the adjustment that moves a ramp to a color in encoded sRGB, and changes nothing else.
     pub fn to_color(color: [f64; 3]) -> Self {
         Self { color: Some(color), ..Self::default() }
+    }
+
+    /// Returns the adjustment without what is not finite.
+    fn finite(self) -> Self {
+        let or = |value: f64, default: f64| if value.is_finite() { value } else { default };
+        let Self { color, brightness, contrast, saturation } = self;
+        let default = Self::default();
+        Self {
+            color: color.filter(|color| color.iter().all(|channel| channel.is_finite())),
+            brightness: or(brightness, default.brightness),
+            contrast: or(contrast, default.contrast),
+            saturation: or(saturation, default.saturation),
+        }
     }
 }
 
@@ -88,6 +102,7 @@ impl Palette {
     ) -> Result<(), InvalidRamps> {
         let missing = InvalidRamps::Ramp { found: ramp, expected: self.ramps.len() };
         let shades = Shades::of(self, ramp).ok_or(missing)?;
+        let adjustment = &adjustment.finite();
         if *adjustment == RampAdjustment::default() {
             // The source colors, bit for bit.
             shades.tones().for_each(|tone| show(tone, self.colors[tone]));

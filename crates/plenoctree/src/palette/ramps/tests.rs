@@ -287,6 +287,11 @@ fn adjustments_act_on_their_own() {
     assert!((mean(&palette, 0, &bright).x - before.x - 0.1).abs() < 1e-6);
     let neon = of(RampAdjustment::to_color([0.2, 2.5, 0.4]));
     assert!(neon[..4].iter().any(|color| color[1] > 1.5), "{neon:?}");
+    for broken in [f64::NAN, f64::INFINITY] {
+        let adjustment = RampAdjustment { brightness: broken, contrast: broken, saturation: broken, color: None };
+        assert_eq!(of(adjustment), palette.colors);
+        assert_eq!(of(RampAdjustment::to_color([0.2, broken, 0.4])), palette.colors);
+    }
     assert!(palette.show_ramp(4, &RampAdjustment::default(), |_, _| ()).is_err());
 }
 
@@ -296,17 +301,24 @@ fn wishes_that_contradict_are_named() {
     let palette = palette();
     let (red, blue, gray) = ([0.8, 0.1, 0.1], [0.1, 0.1, 0.8], [0.5; 3]);
     let wishes =
-        [Wish::tone(0, red), Wish::tone(5, gray), Wish::tone(0, blue), Wish::tone(8, gray), Wish::tone(13, red)];
+        [Wish::tone(0, red), Wish::tone(5, gray), Wish::tone(0, blue), Wish::tone(8, gray), Wish::tone(99, red)];
+    let wishes = [&wishes[..], &[Wish::tone(1, [f64::NAN; 3])]].concat();
     let error = palette.recolored(&palette.colors, &wishes, &[2]).unwrap_err();
     let reasons: Vec<_> = error.unmet.iter().map(|unmet| (unmet.wish, unmet.reason)).collect();
-    let expected =
-        [(0, UnmetReason::Conflict), (2, UnmetReason::Conflict), (3, UnmetReason::Locked), (4, UnmetReason::NoLabel)];
+    let expected = [
+        (0, UnmetReason::Conflict),
+        (2, UnmetReason::Conflict),
+        (3, UnmetReason::Locked),
+        (4, UnmetReason::NoLabel(99, 99, palette.colors.len())),
+        (5, UnmetReason::NotFinite),
+    ];
     assert_eq!(reasons, expected);
     // In least squares, halfway in Oklab.
     let middle = 0.5 * (place(red) + place(blue));
     assert!(place(error.nearest[0]).distance(middle) < 0.02, "{error:?}");
     assert_eq!(error.nearest[5], gray);
     assert!(error.to_string().contains("wish 3 cannot be met: its colors are in no ramp that may move"), "{error}");
+    assert!(error.to_string().ends_with("wish 5 cannot be met: found a color that is not finite"), "{error}");
     assert_eq!(palette.recolored(&palette.colors, &[], &[]), Ok(palette.colors.clone()));
     // A locked label that already has its color needs nothing.
     assert!(palette.recolored(&palette.colors, &[Wish::tone(8, palette.colors[8])], &[2]).is_ok());

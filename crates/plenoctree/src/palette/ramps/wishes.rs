@@ -44,22 +44,32 @@ pub struct UnmetWishes {
 
 /// A wish that is not met. Its message says why, without its index.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("cannot be met: {reason} (nearest: {:.3}, {:.3}, {:.3})", reached[0], reached[1], reached[2])]
+#[error("cannot be met: {reason}{}", self.nearest())]
 pub struct Unmet {
     /// Its index among the wishes.
     pub wish: usize,
-    /// The color in encoded sRGB that is nearest to what was wished.
+    /// The color in encoded sRGB that is nearest to what was wished. NaN if there is none.
     pub reached: [f64; 3],
     /// Why it is not met.
     pub reason: UnmetReason,
+}
+
+impl Unmet {
+    fn nearest(&self) -> String {
+        let [r, g, b] = self.reached;
+        if r.is_nan() { String::new() } else { format!(" (nearest: {r:.3}, {g:.3}, {b:.3})") }
+    }
 }
 
 /// Why a wish is not met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UnmetReason {
     /// The palette has no such label.
-    #[error("the palette has no such label")]
-    NoLabel,
+    #[error("found a blend of colors {0} and {1}, expected indices below {2}, the number of the palette's colors")]
+    NoLabel(usize, usize, usize),
+    /// The color is not finite.
+    #[error("found a color that is not finite")]
+    NotFinite,
     /// The label's ramps are locked, or its colors are in no ramp.
     #[error("its colors are in no ramp that may move")]
     Locked,
@@ -108,14 +118,21 @@ impl Palette {
         wishes: &[Wish],
         locked: &[usize],
     ) -> Result<Vec<[f64; 3]>, UnmetWishes> {
-        let has = |wish: &Wish| wish.label.first.max(wish.label.second) < self.colors.len();
-        let known: Vec<Wish> = wishes.iter().copied().filter(has).collect();
+        let fault = |wish: &Wish| {
+            let PaletteLabel { first, second, .. } = wish.label;
+            match self.colors.len() {
+                count if first.max(second) >= count => Some(UnmetReason::NoLabel(first, second, count)),
+                _ if !DVec3::from(wish.color).is_finite() => Some(UnmetReason::NotFinite),
+                _ => None,
+            }
+        };
+        let known: Vec<Wish> = wishes.iter().copied().filter(|wish| fault(wish).is_none()).collect();
         let shown = shown.iter().chain(self.colors.iter().skip(shown.len())).take(self.colors.len()).copied().collect();
         let colors = Solver::new(self, shown, &known, locked).solve();
         let mut unmet = Vec::new();
         for (index, wish) in wishes.iter().enumerate() {
-            if !has(wish) {
-                unmet.push(Unmet { wish: index, reached: [0.0; 3], reason: UnmetReason::NoLabel });
+            if let Some(reason) = fault(wish) {
+                unmet.push(Unmet { wish: index, reached: [f64::NAN; 3], reason });
                 continue;
             }
             let reached = wish.label.mix(&colors);

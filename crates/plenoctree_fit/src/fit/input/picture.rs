@@ -33,7 +33,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Reads a picture, and averages squares of `downscale` pixels a side. The mask's brightness, or its own opacity if
+    /// Reads a picture, and averages squares of `downscale` pixels a side, of which 0 counts as 1. The mask's brightness, or its own opacity if
     /// it is partly transparent, multiplies the picture's opacity. Masks of zeros and ones are as good as black and
     /// white ones.
     ///
@@ -41,6 +41,7 @@ impl Picture {
     ///
     /// Returns an error if a file cannot be read or decoded, or if the mask has another size.
     pub fn read(path: &Path, mask: Option<&Path>, downscale: u32) -> Result<Self, FitError> {
+        let downscale = downscale.max(1);
         let image = decode(path)?;
         let mask = mask.map(|path| Ok::<_, FitError>((path, read_mask(path)?))).transpose()?;
         let mut knows_opacity = mask.is_some();

@@ -103,13 +103,14 @@ impl ViewCamera {
         Self { width, height, lens, rotation, position, directions: None }
     }
 
-    /// Returns the camera for a picture downscaled by `factor`. Incomplete pixels at the edges are cut off.
+    /// Returns the camera for a picture downscaled by `factor`, of which 0 counts as 1. Incomplete pixels at the edges are cut off.
     pub fn downscaled(&self, factor: u32) -> Result<Self, DVec2> {
         self.downscaled_by(&mut CameraMaker::default(), factor)
     }
 
     /// The same, with a lens that cameras share.
     pub(in crate::fit) fn downscaled_by(&self, maker: &mut CameraMaker, factor: u32) -> Result<Self, DVec2> {
+        let factor = factor.max(1);
         let (width, height) = ((self.width / factor).max(1), (self.height / factor).max(1));
         maker.camera(width, height, self.lens.downscaled(factor.into()), self.rotation, self.position)
     }

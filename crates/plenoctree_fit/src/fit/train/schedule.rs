@@ -58,8 +58,8 @@ pub struct Stage {
     pub resolution: u32,
     /// Rays to train on, unless there is a time.
     rays: u64,
-    /// Time to train for.
-    time: Option<Duration>,
+    /// Seconds to train for, preparation included.
+    pub time: Option<f64>,
     /// Tiles of a batch.
     pub tiles: usize,
     /// The fractions of the stage after which invisible voxels are removed, and the most that are kept.
@@ -84,8 +84,6 @@ impl Schedule {
     /// Plans the stages up to this `depth`. Photographs without opacity need smoother fields.
     pub fn new(settings: &FitSettings, depth: u32, opaque: bool) -> Self {
         let count = (depth - COARSEST.ilog2() + 1) as usize;
-        let work = |index: usize| RAYS[index] * COSTS[index];
-        let total: f64 = (0..count).map(work).sum();
         let variation = if opaque { 2e-2 } else { 1e-3 };
         let penalties = Penalties { variation, presence: 1e-4, direction: 1e-4, color: 0.0 };
         let more = settings.leaves.saturating_add(settings.leaves / 4);
@@ -93,7 +91,7 @@ impl Schedule {
             .map(|index| Stage {
                 resolution: COARSEST << index,
                 rays: (RAYS[index] * 1e6 * settings.effort) as u64,
-                time: settings.time.map(|time| time.mul_f64(work(index) / total)),
+                time: None,
                 tiles: [256, 512, 1024][index.min(2)],
                 prune_at: match index {
                     0 => vec![(0.5, settings.leaves)],
@@ -142,7 +140,7 @@ impl Stage {
         let rates = |round: u32| whole.rates(f64::from(round) / f64::from(ROUNDS));
         let round = |round: u32| Self {
             rays: (REFINING_RAYS * 1e6 * effort / f64::from(ROUNDS)) as u64,
-            time: time.map(|time| time / ROUNDS),
+            time: time.map(|time| time.as_secs_f64() / f64::from(ROUNDS)),
             average_from: Some(ROUND_AVERAGE_FROM),
             optimizer: Optimizer { rates: rates(round), ..whole.optimizer },
             last: rates(round + 1),
@@ -191,7 +189,7 @@ impl Stage {
     /// Returns the fraction of the stage that is done.
     pub fn fraction(&self, position: &Position) -> f64 {
         match self.time {
-            Some(time) => position.seconds / time.as_secs_f64().max(1e-3),
+            Some(time) => position.seconds / time.max(1e-3),
             None => position.rays as f64 / self.rays.max(1) as f64,
         }
     }

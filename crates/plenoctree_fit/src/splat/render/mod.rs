@@ -44,6 +44,10 @@ impl SplatImage {
 /// with an opacity of at most 0.99; below 1/255, they are left out. Those nearer than 0.01 units and than
 /// their own largest standard deviation are left out as well.
 pub fn render_splats(splats: &Splats, camera: &PinholeCamera) -> SplatImage {
+    let (width, height) = (camera.width, camera.height);
+    if width == 0 || height == 0 {
+        return SplatImage { width, height, pixels: Vec::new() };
+    }
     let mut projected: Vec<Projected> = (0..splats.len())
         .into_par_iter()
         .with_min_len(1024)
@@ -51,13 +55,13 @@ pub fn render_splats(splats: &Splats, camera: &PinholeCamera) -> SplatImage {
         .collect();
     // Depths are positive, so that their bits are in the same order. Ties are broken by the order of the file.
     projected.par_sort_by_key(|gaussian| gaussian.depth.to_bits());
-    let width = camera.width as usize;
-    let mut pixels = vec![Vec4::ZERO; width * camera.height as usize];
+    let columns = width as usize;
+    let mut pixels = vec![Vec4::ZERO; columns * height as usize];
     pixels
-        .par_chunks_mut(width.max(1) * TILE)
+        .par_chunks_mut(columns * TILE)
         .enumerate()
-        .for_each(|(row, pixels)| draw_row(&projected, row * TILE, width, pixels));
-    SplatImage { width: camera.width, height: camera.height, pixels }
+        .for_each(|(row, pixels)| draw_row(&projected, row * TILE, columns, pixels));
+    SplatImage { width, height, pixels }
 }
 
 #[cfg(test)]
@@ -195,6 +199,9 @@ mod tests {
     fn images_may_be_empty() {
         let (splats, camera) = scene(1.0);
         for (width, height) in [(0, 70), (100, 0), (0, 0)] {
+            let new = PinholeCamera::new(width, height, 0.9, DMat4::IDENTITY);
+            let new = new.looking_at(camera.position, DVec3::ZERO, DVec3::Z);
+            assert!(render_splats(&splats, &new).pixels.is_empty());
             let image = render_splats(&splats, &PinholeCamera { width, height, ..camera });
             assert_eq!((image.width, image.height, image.pixels.len()), (width, height, 0));
         }
