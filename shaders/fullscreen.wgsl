@@ -4,7 +4,8 @@
 #import bevy_plenoctree::view::{LEAST_DEPTH, NOWHERE, first_drawn, screen}
 
 struct Triangle {
-    @builtin(position) position: vec4<f32>,
+    // Some passes draw where the mask has exactly this depth.
+    @invariant @builtin(position) position: vec4<f32>,
     @location(0) @interpolate(flat) instance: u32,
 }
 

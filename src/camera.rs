@@ -92,7 +92,8 @@ pub struct PosterizeView(pub Handle<PlenOctree>);
 ///
 /// The textures hold the part of the view that props cover, and may be larger: `bevy_plenoctree::view::view.size` is
 /// the size of the part, and `view.corner` the pixel of the target where it begins. Until a shader is loaded, the
-/// stages are left out.
+/// stages are left out; so they are if it cannot be parsed, or imports what is not there. But a shader whose entry point,
+/// bindings or output differ from the above is an error of rendering, which Bevy ends by default.
 ///
 /// ```
 /// # use bevy::{prelude::*, shader::Shader};

@@ -5,6 +5,9 @@ use bevy::{
     shader::ShaderCacheError,
 };
 
+/// The name of custom stages, with which the labels of their pipelines begin.
+pub(crate) const STAGE: &str = "plenoctree_stage";
+
 /// Returns the labels of the pipelines that are still being compiled.
 pub(crate) fn compiling(cache: &PipelineCache) -> impl Iterator<Item = &str> {
     cache.pipelines().filter_map(|pipeline| match &pipeline.state {
@@ -45,6 +48,6 @@ fn label(descriptor: &PipelineDescriptor) -> &str {
 /// Returns whether props cannot be drawn without a pipeline with this label. They can without custom stages, whose
 /// shaders may be missing or wrong, and while palettes are sampled on the CPU.
 pub(super) fn draws_props(label: &str) -> bool {
-    label.starts_with("plenoctree_")
-        && !["plenoctree_stage", "plenoctree_sampling", "plenoctree_views"].contains(&label)
+    let others = [STAGE, "plenoctree_sampling", "plenoctree_views"];
+    label.starts_with("plenoctree_") && !others.iter().any(|other| label.starts_with(other))
 }

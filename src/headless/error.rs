@@ -48,7 +48,10 @@ pub(super) struct RenderingFailure(pub String);
 /// Stops rendering, as Bevy's own handler does, but keeps the reason: without a window and a log, nobody would see it.
 pub(super) fn keep_failure(error: &RenderError, world: &mut World, _: &mut World) -> RenderErrorPolicy {
     let reason = format!("{:?}: {}", error.ty, error.description);
-    error!("stopped rendering after an error ({reason})");
+    // Bevy calls it in every frame after that.
+    if world.get_resource::<RenderingFailure>().is_none_or(|failure| failure.0 != reason) {
+        error!("stopped rendering after an error ({reason})");
+    }
     world.insert_resource(RenderingFailure(reason));
     RenderErrorPolicy::StopRendering
 }

@@ -89,7 +89,7 @@ impl PaletteOverride {
         self.colors.get(index).copied().flatten()
     }
 
-    /// Overrides color `index`. It has no effect while the palette of the field has no such color.
+    /// Overrides color `index`. It has no effect while the palette of the field has no such color. Alpha is ignored.
     ///
     /// If no palette can have such a color ([`Palette::MAX_COLORS`]), changes nothing, logs a warning (once per app),
     /// and returns false.

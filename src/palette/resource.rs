@@ -148,7 +148,7 @@ impl FieldPalette {
     }
 
     /// Sets the shown color `index`. If the palette has no such color, changes nothing, logs a warning (once per app),
-    /// and returns false.
+    /// and returns false. Alpha is ignored.
     pub fn set(&mut self, index: usize, color: impl Into<Color>) -> bool {
         match self.shown.get_mut(index) {
             Some(shown) => {

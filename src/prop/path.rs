@@ -14,7 +14,8 @@ use super::component::Prop;
 /// which Skein and Blenvy write the components that are added in Blender. When it is inserted, the field starts to
 /// load, and a [`Prop`] replaces this component.
 ///
-/// A path that cannot be parsed is logged as an error, and changes nothing. In a world without an [`AssetServer`], such
+/// A path that cannot be parsed, or that the asset server refuses because it is empty or leads out of the asset folder,
+/// is logged as an error, and changes nothing. In a world without an [`AssetServer`], such
 /// as that of a glTF scene, the component waits until it is copied to one that has it.
 ///
 /// ```
@@ -40,6 +41,10 @@ fn load(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
     match AssetPath::try_parse(path) {
         Ok(path) => {
             let field = server.load(path.into_owned());
+            // Bevy has logged why.
+            if field == Handle::default() {
+                return;
+            }
             world.commands().entity(entity).try_insert(Prop(field)).try_remove::<PropPath>();
         }
         Err(error) => error!("failed to parse the path {path:?} of a prop: {error}"),

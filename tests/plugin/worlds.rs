@@ -256,6 +256,19 @@ fn insert_extras(
     }
 }
 
+/// What the asset server does not load becomes no prop, which would load forever.
+#[test]
+fn refused_paths_change_nothing() {
+    let mut app = app();
+    for path in ["", "../robot.plenoctree", "/robot.plenoctree", "robot.plenoctree#"] {
+        let named = PropPath(path.into());
+        let entity = app.world_mut().spawn(named.clone()).id();
+        app.update();
+        let entity = app.world().entity(entity);
+        assert_eq!((entity.get(), entity.contains::<Prop>()), (Some(&named), false), "{path:?}");
+    }
+}
+
 /// A prop that was placed in Blender: its components are written as text, without what has its default.
 #[test]
 fn nodes_of_gltf_files_hold_props() {

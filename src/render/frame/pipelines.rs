@@ -12,7 +12,7 @@ use bevy::{
             texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer, uniform_buffer_sized,
         },
     },
-    shader::{ShaderCacheError, ShaderDefVal},
+    shader::{Shader, ShaderCacheError, ShaderDefVal},
 };
 
 use super::{
@@ -20,7 +20,10 @@ use super::{
     slot::{DEPTH_FORMAT, Slot},
 };
 use crate::{
-    gpu::{FieldLayouts, Shaders, TreeShape, pipelines},
+    gpu::{
+        FieldLayouts, Shaders, TreeShape,
+        pipelines::{self, STAGE},
+    },
     render::uniforms::{FilterUniform, LabelsUniform, PropUniform, ScreenUniform, ViewUniform},
 };
 
@@ -34,6 +37,8 @@ pub(in crate::render) struct Pipelines {
     shaders: Shaders,
     fields: FieldLayouts,
     ids: HashMap<Key, CachedRenderPipelineId>,
+    /// In how many frames custom stages imported what is not there.
+    importing: HashMap<CachedRenderPipelineId, u32>,
     /// The shapes of fields whose pipelines are not ready, among those that were asked for in this frame.
     pub waiting: HashSet<TreeShape>,
     /// The layout of bind group 0 for passes that read Bevy's lights.
@@ -55,10 +60,21 @@ struct Key {
     samples: u32,
 }
 
+/// The frames after which an import of a custom stage counts as missing, among those between which Bevy tries again.
+const IMPORTING_FRAMES: u32 = 30;
+
+/// Returns the name of a custom stage in messages. Its pipelines have it as their label, so that errors name its file.
+fn stage_name(shader: &Handle<Shader>) -> String {
+    match shader.path() {
+        Some(path) => format!("{STAGE} {path}"),
+        None => format!("{STAGE} {:?}", shader.id()),
+    }
+}
+
 impl Pipelines {
     pub fn new(shaders: &Shaders, fields: &FieldLayouts) -> Self {
-        let (ids, waiting) = default();
-        Self { shaders: shaders.clone(), fields: fields.clone(), ids, waiting, lights: None }
+        let (ids, importing, waiting) = default();
+        Self { shaders: shaders.clone(), fields: fields.clone(), ids, importing, waiting, lights: None }
     }
 
     /// Returns the pipeline of a program of a pass, if it is ready. Otherwise, it is compiled in the meantime.
@@ -81,8 +97,19 @@ impl Pipelines {
 
     /// Returns whether this pipeline could not be created, or imports what may never come.
     pub fn fails(&mut self, cache: &PipelineCache, pass: &Pass, program: &Program, target: TextureFormat) -> bool {
-        let state = cache.get_render_pipeline_state(self.id(cache, pass, program, target));
-        matches!(state, CachedPipelineState::Err(error) if !matches!(error, ShaderCacheError::ShaderNotLoaded(_)))
+        let id = self.id(cache, pass, program, target);
+        let CachedPipelineState::Err(error) = cache.get_render_pipeline_state(id) else {
+            return false;
+        };
+        if let (ShaderCacheError::ShaderImportNotYetAvailable, Fragment::Custom(shader)) = (error, &program.fragment) {
+            let frames = self.importing.entry(id).or_default();
+            *frames += 1;
+            // Bevy says nothing of this.
+            if *frames == IMPORTING_FRAMES {
+                error!("{} is left out: it imports what no shader defines", stage_name(shader));
+            }
+        }
+        !matches!(error, ShaderCacheError::ShaderNotLoaded(_))
     }
 
     /// Returns this pipeline, whether it is ready or not.
@@ -216,7 +243,10 @@ impl Pipelines {
             Some(ColorTargetState { format: *format, blend, write_mask })
         });
         RenderPipelineDescriptor {
-            label: Some(key.name.into()),
+            label: Some(match &program.fragment {
+                Fragment::Named(_) => key.name.into(),
+                Fragment::Custom(shader) => stage_name(shader).into(),
+            }),
             layout,
             vertex: VertexState {
                 shader: self.shaders.get(program.vertex),

@@ -12,6 +12,7 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
+use crate::gpu::pipelines::STAGE;
 use crate::render::{
     frame::{CachedResult, Clear, Draw, Fragment, Pass, Place, Program, Slot},
     plan::{Feature, Plan},
@@ -20,7 +21,6 @@ use crate::render::{
 pub(super) const COMPOSITE: &str = "plenoctree_composite";
 pub(super) const FILTER: &str = "plenoctree_filter";
 pub(super) const LABEL: &str = "plenoctree_label";
-pub(super) const STAGE: &str = "plenoctree_stage";
 
 /// Blends the layer over the scene, in encoded sRGB.
 pub(super) fn composite(plan: &Plan) -> Option<Pass> {

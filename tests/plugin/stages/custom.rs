@@ -97,7 +97,10 @@ fn a_stage_reads_labels_and_owners_and_writes_the_screen() {
 fn props_do_not_wait_for_broken_stages() {
     let mut scene = posterized();
     scene.wait();
-    let broken = ["@fragment fn fragment() { wrong }", "#import nothing::such\n@fragment fn fragment() {}"];
+    let broken = [
+        "@fragment fn fragment() { wrong }",
+        "#import nothing::such\n@fragment fn fragment() -> @location(0) vec4<f32> { return such(); }",
+    ];
     let mut broken = broken.map(|shader| stages(&mut scene, [shader])).to_vec();
     broken.push(LabelStages(vec![Handle::default()]));
     let missing = ["there is no such stage.wgsl", "nor this one.wgsl"];
