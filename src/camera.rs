@@ -91,9 +91,10 @@ pub struct PosterizeView(pub Handle<PlenOctree>);
 ///   ([`EdgeSmoothing`](crate::EdgeSmoothing)); labels are not.
 ///
 /// The textures hold the part of the view that props cover, and may be larger: `bevy_plenoctree::view::view.size` is
-/// the size of the part, and `view.corner` the pixel of the target where it begins. Until a shader is loaded, the
-/// stages are left out; so they are if it cannot be parsed, or imports what is not there. But a shader whose entry point,
-/// bindings or output differ from the above is an error of rendering, which Bevy ends by default.
+/// the size of the part, and `view.corner` the pixel of the target where it begins. Stages are left
+/// out until their shaders are loaded, and also if one cannot be parsed or imports something that does not exist. A
+/// shader whose entry point, bindings or output differ from the above causes a rendering error; by default, Bevy then
+/// quits the app.
 ///
 /// ```
 /// # use bevy::{prelude::*, shader::Shader};

@@ -51,3 +51,15 @@ pub(super) fn draws_props(label: &str) -> bool {
     let others = [STAGE, "plenoctree_sampling", "plenoctree_views"];
     label.starts_with("plenoctree_") && !others.iter().any(|other| label.starts_with(other))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever else their labels say.
+    #[test]
+    fn custom_stages_are_not_needed_to_draw_props() {
+        assert!(draws_props("plenoctree_volume") && !draws_props("main_opaque_pass_3d"));
+        assert!(!draws_props(STAGE) && !draws_props(&format!("{STAGE} shaders/lines.wgsl")));
+    }
+}

@@ -192,7 +192,6 @@ impl Headless {
 
     /// Runs frames until everything is ready to be drawn: all [`Prop`](crate::Prop)s are [`Ready`](crate::PropState),
     /// all [posterized views](crate::PosterizeView) have their palettes, and all pipelines have their shaders.
-    /// Custom stages may lack theirs.
     ///
     /// Cameras draw only once all fields and palettes have arrived, and then at least one frame: a GPU that is emulated
     /// in software takes long to draw frames that nobody sees.

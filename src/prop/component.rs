@@ -19,7 +19,8 @@ use super::{drawn::DrawnField, progress::PropProgress, state::PropState};
 /// By default, the field is drawn as trained; add [`Posterize`](crate::Posterize) to posterize it.
 ///
 /// [`PropState`] says whether the prop can be drawn yet, and [`PropProgress`] how close it is. If it is given another
-/// field, the previous one is drawn until the new one can be. With a default handle, it waits for another one.
+/// field, the previous one is drawn until the new one can be. A prop with a default handle waits until it is given
+/// another one.
 #[derive(Component, Clone, Debug, FromTemplate, Reflect)]
 #[reflect(Component, Clone, Debug)]
 #[type_path = "bevy_plenoctree"]

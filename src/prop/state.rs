@@ -48,11 +48,11 @@ pub enum PropState {
     /// [`Recolor`](crate::Recolor) wait for one; [`PaletteExtraction::progress`](crate::PaletteExtraction::progress)
     /// returns its progress.
     AwaitingPalette,
-    /// All data is available, but Bevy has not yet compiled the pipelines of the cameras that see the prop, for the first
-    /// time.
+    /// All data is available, but Bevy has not yet compiled the pipelines of the cameras that see the prop, for the
+    /// first time.
     Compiling,
-    /// The prop is drawn wherever a camera sees it. Stays so if cameras need other pipelines later: if their [`Msaa`] or
-    /// format changes, props may be missing for the frames in which these are compiled.
+    /// The prop is drawn wherever a camera sees it. It stays ready if cameras need other pipelines later: if their
+    /// [`Msaa`] or format changes, props may be missing for the frames in which these are compiled.
     Ready,
     /// The prop cannot be drawn as it should be. Waiting does not help.
     Failed(PropError),

@@ -1,7 +1,12 @@
 //! The pipelines of passes, and whether they are ready.
 
+use std::time::Duration;
+
 use bevy::{
-    platform::collections::{HashMap, HashSet},
+    platform::{
+        collections::{HashMap, HashSet},
+        time::Instant,
+    },
     prelude::*,
     render::render_resource::{
         BindGroupLayoutDescriptor, CachedPipelineState, CachedRenderPipelineId, ColorTargetState, ColorWrites,
@@ -37,8 +42,8 @@ pub(in crate::render) struct Pipelines {
     shaders: Shaders,
     fields: FieldLayouts,
     ids: HashMap<Key, CachedRenderPipelineId>,
-    /// In how many frames custom stages imported what is not there.
-    importing: HashMap<CachedRenderPipelineId, u32>,
+    /// Since when custom stages have lacked something that they import, until that is logged.
+    importing: HashMap<CachedRenderPipelineId, Option<Instant>>,
     /// The shapes of fields whose pipelines are not ready, among those that were asked for in this frame.
     pub waiting: HashSet<TreeShape>,
     /// The layout of bind group 0 for passes that read Bevy's lights.
@@ -60,8 +65,8 @@ struct Key {
     samples: u32,
 }
 
-/// The frames after which an import of a custom stage counts as missing, among those between which Bevy tries again.
-const IMPORTING_FRAMES: u32 = 30;
+/// The time after which an import of a custom stage counts as missing, and not as still being loaded.
+const IMPORTING: Duration = Duration::from_secs(2);
 
 /// Returns the name of a custom stage in messages. Its pipelines have it as their label, so that errors name its file.
 fn stage_name(shader: &Handle<Shader>) -> String {
@@ -102,11 +107,11 @@ impl Pipelines {
             return false;
         };
         if let (ShaderCacheError::ShaderImportNotYetAvailable, Fragment::Custom(shader)) = (error, &program.fragment) {
-            let frames = self.importing.entry(id).or_default();
-            *frames += 1;
+            let since = self.importing.entry(id).or_insert_with(|| Some(Instant::now()));
             // Bevy says nothing of this.
-            if *frames == IMPORTING_FRAMES {
-                error!("{} is left out: it imports what no shader defines", stage_name(shader));
+            if since.is_some_and(|since| since.elapsed() > IMPORTING) {
+                *since = None;
+                error!("{} is left out: it imports something that no shader defines", stage_name(shader));
             }
         }
         !matches!(error, ShaderCacheError::ShaderNotLoaded(_))

@@ -52,8 +52,8 @@ impl PlenOctree {
     /// The surface is found in a grid of cubes of width `cell_size`, in world units of the field: larger cubes make
     /// simpler surfaces. The solidity of a cube is the opacity of paths of that length through its content; the surface
     /// is where it reaches `opacity`, more than 0 and less than 1 in float32. Closed hollows count as solid, because
-    /// trained and packed fields are often empty inside. Walls that are thinner than a cube become as thick as one. In
-    /// cubes that are hardly larger than the field's cells, hardly anything is opaque, so that walls have holes. An empty
+    /// trained and packed fields are often empty inside. Walls that are thinner than a cube become as thick as one. If
+    /// cubes are about as small as the field's cells, few of them may be opaque enough, and walls have holes. An empty
     /// field has an empty surface.
     ///
     /// The surface is simplified: parts that are flat to within a tenth of a cube consist of few, large triangles.
@@ -90,8 +90,8 @@ struct Grid {
     shape: RuntimeShape<u32, 3>,
     size: IVec3,
     solid: Vec<f32>,
-    /// The opacity of each cube along each axis, in steps of 1/65535, as if its leaves were side by side. That of a thin
-    /// wall is greater than its solidity.
+    /// The opacity of each cube along each axis, in steps of 1/65535, as if its leaves were side by side. That of a
+    /// thin wall is greater than its solidity.
     across: Vec<[u16; 3]>,
     /// The mean optical depth of each cube.
     depth: Vec<f32>,

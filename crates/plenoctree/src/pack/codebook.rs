@@ -67,11 +67,11 @@ impl Draft {
         Ok(Self { chosen, table, costs })
     }
 
-    /// Returns the least step with which no coefficient is clipped, or [`ROOM_UP_TO`] if that is less. `unit` is the
-    /// coefficient of encoded sRGB.
+    /// Returns the least step with which hardly any coefficient is clipped, in encoded sRGB, or [`ROOM_UP_TO`] if that
+    /// is less. `unit` is the coefficient of encoded sRGB.
     pub fn least_step(&self, unit: f32) -> f32 {
         let most = self.table.iter().fold(0.0, |most: f32, value| most.max(value.abs()));
-        (most / LARGEST).min(ROOM_UP_TO * unit)
+        (most / (LARGEST * unit)).min(ROOM_UP_TO)
     }
 
     /// Returns the codebook, whose coefficients are multiples of `step`.

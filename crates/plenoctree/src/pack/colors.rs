@@ -44,16 +44,16 @@ pub(super) fn corrected(
 /// sRGB. What exceeds that is clipped.
 const ROOM_UP_TO: f32 = 0.008;
 
-/// Returns the least step with which no color is clipped, or [`ROOM_UP_TO`] if that is less. `unit` is the coefficient of
-/// encoded sRGB.
+/// Returns the least step with which no color is clipped, in encoded sRGB, or [`ROOM_UP_TO`] if that is less. `unit` is
+/// the coefficient of encoded sRGB.
 pub(super) fn least_step(colors: &[[f32; 3]], unit: f32) -> f32 {
     let of_part = |(part, (_, high)): (usize, (i16, i16))| {
         let most = colors.iter().map(|color| color[part].abs()).fold(0.0, f32::max);
         // A step may still become a little smaller.
-        most / (0.98 * f32::from(high))
+        most / (0.98 * f32::from(high) * unit)
     };
     let steps = COLOR_RANGES.into_iter().enumerate().map(of_part);
-    steps.fold(0.0, f32::max).min(ROOM_UP_TO * unit)
+    steps.fold(0.0, f32::max).min(ROOM_UP_TO)
 }
 
 /// Rounds colors to multiples of `step`.

@@ -135,7 +135,7 @@ fn quantize(
     let tables = Tables { color_step: 0.0, table_step, luma: luma.table, chroma: chroma.table };
     let colors = colors::corrected(field, &seen, metric, &rows, &tables);
     let has_directions = field.basis().functions() > 1;
-    let color_step = settings.color_step.max(colors::least_step(&colors, unit) / unit);
+    let color_step = settings.color_step.max(colors::least_step(&colors, unit));
     let color_step = if has_directions { color_step } else { between_bins(color_step) };
     let tables = Tables { color_step: color_step * unit, ..tables };
     let colors = colors::quantize(&colors, &seen, tables.color_step, settings.bits(color_step));
@@ -187,7 +187,7 @@ fn books(
     let (luma, chroma) = (leaves(luma, &[1.0]), leaves(chroma, &[2.0 / 3.0, 1.0]));
     let drafts = [Draft::new(&luma, rows, progress)?, Draft::new(&chroma, rows.div_ceil(2), progress)?];
     let least = drafts.each_ref().map(|draft| draft.least_step(unit)).into_iter().fold(0.0, f32::max);
-    let step = f32::max(settings.table_step * unit, least);
+    let step = settings.table_step.max(least) * unit;
     let [of_luma, of_chroma] = drafts;
     Ok(([of_luma.finished(&luma, step, progress)?, of_chroma.finished(&chroma, step, progress)?], step))
 }

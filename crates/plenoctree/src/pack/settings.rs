@@ -33,17 +33,18 @@ pub struct PackSettings {
     pub rows: u32,
     /// Largest number of densities. 2 to 254.
     pub density_levels: u32,
-    /// Step of leaves' colors, in encoded sRGB. 0.0001 to 1. Luma has 4096 steps, and differences of channels have 1024:
-    /// where colors need more, the step is larger, but at most 0.008. Colors beyond its reach are clipped.
+    /// Step of leaves' colors, in encoded sRGB. 0.0001 to 1. Luma has 4096 steps, and differences of channels have
+    /// 1024. Where colors need more room, a smaller step than 0.008 is raised, up to that. Colors out of reach are
+    /// clipped.
     pub color_step: f32,
-    /// Step of the codebooks' coefficients, in the same unit. 0.0001 to 1. Coefficients have 255 steps: where they need
-    /// more, the step is larger, but at most 0.01.
+    /// Step of the codebooks' coefficients, in the same unit. 0.0001 to 1. Coefficients have 255 steps. Where they need
+    /// more room, a smaller step than 0.01 is raised, up to that.
     pub table_step: f32,
     /// Step, in the same unit, to which the colors of a leaf of average visibility are rounded. Those of less visible
     /// leaves are rounded more, and all at least to `color_step`. 0 to 1.
     pub tolerance: f32,
-    /// Whether the file records the [histograms](PlenOctree::histograms) of the field. Fitted palettes and those of hulls
-    /// that are extracted from the packed field then equal those of the field, and nothing is sampled when a game
+    /// Whether the file records the [histograms](PlenOctree::histograms) of the field. Fitted palettes and those of
+    /// hulls that are extracted from the packed field then equal those of the field, and nothing is sampled when a game
     /// extracts them. Tones, which are fitted to views of the packed field, are nearly the same. False by default:
     /// palettes are extracted from what is drawn.
     pub record_histograms: bool,

@@ -71,7 +71,7 @@ impl ExtractionSettings {
         Progress::new(if self.method == PaletteMethod::Tones { 0.5 } else { 1.0 })
     }
 
-    /// Returns the rays along which views show the method a field, besides its histograms: none, unless it is
+    /// Returns the rays of the views that the method looks at, besides a field's histograms: none, unless it is
     /// [`PaletteMethod::Tones`].
     pub fn view_rays(&self, field: &PlenOctree) -> Vec<ViewRays> {
         if self.method == PaletteMethod::Tones { ViewRays::all(field, &self.sampling) } else { Vec::new() }

@@ -76,4 +76,9 @@ impl Progress {
     pub(crate) fn compute(&self, fraction: f32) {
         self.computed.fetch_add((UNITS * fraction) as usize, Ordering::Relaxed);
     }
+
+    /// Counts all of the palette as computed.
+    pub(crate) fn finish(&self) {
+        self.computed.store(UNITS as usize, Ordering::Relaxed);
+    }
 }

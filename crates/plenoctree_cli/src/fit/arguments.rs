@@ -18,7 +18,7 @@ pub struct Arguments {
     /// next to it.
     #[arg(long, value_name = "PROP")]
     pub out: PathBuf,
-    /// The time for training, in minutes. By default, --effort decides.
+    /// The time for training, in minutes. If it is short, the finest cells are left out. By default, --effort decides.
     #[arg(long, value_parser = parse_positive)]
     minutes: Option<f64>,
     /// The amount of training, as a multiple of the default.

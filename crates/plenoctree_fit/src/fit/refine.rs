@@ -114,9 +114,9 @@ pub(super) struct RefinedGrid {
 ///
 /// # Errors
 ///
-/// Returns an error if a setting is out of range, if there are fewer than two shots, if nothing of the field is in view, or if the field is not of
-/// the kind that is fitted: a cube of at most 10 levels, with leaves of at most 32 finest cells a side, and a sigmoid
-/// of harmonics up to degree 3.
+/// Returns an error if a setting is out of range, if there are fewer than two shots, if nothing of the field is in
+/// view, or if the field is not of the kind that is fitted: a cube of at most 10 levels, with leaves of at most 32
+/// finest cells a side, and a sigmoid of harmonics up to degree 3.
 pub fn refine(
     field: &PlenOctree,
     shots: Vec<Vec<Shot>>,
@@ -209,7 +209,7 @@ pub(super) fn refine_by(
                 (status.psnr, status.gain) = (psnr, gain);
             });
         };
-        train(&mut model, gallery, stage, &mut position, &mut random, progress, &mut watch)?;
+        train(&mut model, gallery, stage, &mut position, &mut random, progress, None, &mut watch)?;
         let groups = measure(&model);
         let after = mean(&groups);
         let gain_db = psnr.zip(after).map(|(before, after)| after - before);

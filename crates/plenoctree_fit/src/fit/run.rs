@@ -1,6 +1,7 @@
 //! Runs a fit from input to field.
 
 use std::{
+    cell::Cell,
     fs,
     hash::{DefaultHasher, Hash, Hasher},
     sync::Arc,
@@ -24,8 +25,8 @@ use super::{
     suspects::suspicious,
     to_field::{cropped, largest_part, to_field},
     train::{
-        Model, Position, Schedule, TrainView, backdrop::Backdrop, gallery::Gallery, split, train, visibility,
-        visibility::Limits,
+        Limit, Model, Position, Schedule, StageTime, TrainView, backdrop::Backdrop, gallery::Gallery, split, train,
+        visibility, visibility::Limits,
     },
 };
 
@@ -38,8 +39,8 @@ const FIRST_THICKNESS: f32 = 0.03;
 const FEWEST_TRANSPARENT: usize = 4;
 /// How often a checkpoint is written.
 const SAVE_EVERY: Duration = Duration::from_secs(60);
-/// The most that it takes to prepare a stage, relative to the one before it: splitting voxels, and finding what is seen.
-const PREPARING: f64 = 5.0;
+/// The fraction of a stage's usual rays below which there is no time for finer stages: they would hardly be trained.
+const LEAST_TRAINED: f64 = 0.05;
 
 /// A fitted field.
 #[derive(Clone, Debug)]
@@ -137,36 +138,41 @@ pub fn fit(
         return Err(FitError::Stopped);
     }
     let depth = settings.depth.unwrap_or_else(|| depth_of(&gallery.cameras(), place.cube));
-    let mut schedule = Schedule::new(settings, depth, !knows_opacity);
+    let schedule = Schedule::new(settings, depth, !knows_opacity);
     // What is left of the time, if it is limited.
     let mut left = settings.time.map(|time| time.as_secs_f64() * (1.0 - schedule.shares(position.stage).0));
-    let mut is_last = false;
     let mut report = FitReport { views: gallery.len(), ..FitReport::default() };
     let mut saved_at = Instant::now();
     while !progress.is_stopped() && position.stage < schedule.stages.len() {
+        let stage = &schedule.stages[position.stage];
         let (before, share) = schedule.shares(position.stage);
-        let stage = &mut schedule.stages[position.stage];
         progress.update(|status| (status.stage, status.fraction) = (format!("{0}^3", stage.resolution), before));
-        if let Some(left) = left.filter(|_| !is_last) {
-            stage.time = Some(left * share / (1.0 - before));
-        }
-        let stage = &*stage;
+        let mut splitting = 0.0;
         if model.grid.resolution() < stage.resolution {
             let start = Instant::now();
             model.grid = split(&model.grid, &gallery.cameras(), stage);
-            position.seconds += start.elapsed().as_secs_f64();
+            splitting = start.elapsed().as_secs_f64();
+            position.seconds += splitting;
         }
+        let is_last = Cell::new(position.stage + 1 == schedule.stages.len());
+        let mut limit = left.map(|left| {
+            let is_last = &is_last;
+            move |preparing: f64| {
+                let preparing = splitting + preparing;
+                let share = if is_last.get() { 1.0 } else { share / (1.0 - before) };
+                StageTime { preparing, training: ((left - preparing) * share).max(preparing) }
+            }
+        });
         let mut psnr = None;
         let mut measured_at = -1.0;
-        let mut prepared = None;
         let mut watch = |model: &Model, position: &Position, fraction: f64, random: &Random| {
-            prepared.get_or_insert(position.seconds);
             if fraction >= measured_at + 0.1 {
                 measured_at = fraction;
                 psnr = quick_psnr(&model.grid, &model.backdrop, &measured);
             }
             progress.update(|status| {
                 status.stage = format!("{0}^3", stage.resolution);
+                let share = if is_last.get() { 1.0 - before } else { share };
                 status.fraction = before + share * fraction;
                 status.psnr = psnr;
             });
@@ -176,25 +182,21 @@ pub fn fit(
                 let _ = Checkpoint::write(path, key, model, position, random);
             }
         };
-        train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, &mut watch)?;
-        // Finer voxels pay if there is time to train them: as much as it takes to prepare them. Otherwise, those that are
-        // there are trained on.
-        let preparing = prepared.unwrap_or(position.seconds);
-        let rest = left.map(|left| left - position.seconds);
-        let is_finest = position.stage + 1 == schedule.stages.len();
-        if let Some(rest) = rest.filter(|rest| !is_last && !is_finest && 2.0 * PREPARING * preparing > *rest) {
-            is_last = true;
-            schedule.stages[position.stage].time = Some(position.seconds + rest.max(2.0 * preparing));
-            continue;
+        loop {
+            let limit = limit.as_mut().map(|limit| limit as &mut Limit);
+            train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, limit, &mut watch)?;
+            if is_last.get() || progress.is_stopped() || left.is_none() || stage.trained(&position) >= LEAST_TRAINED {
+                break;
+            }
+            // Voxels of this size are trained on for as long as there is time.
+            is_last.set(true);
         }
-        left = rest;
+        left = left.map(|left| left - position.seconds);
         let psnr = quick_psnr(&model.grid, &model.backdrop, &measured);
         report.stages.push(StageReport::new(&model, &position, psnr));
-        if is_last {
-            break;
-        }
         if !progress.is_stopped() {
-            position = Position { stage: position.stage + 1, ..Position::default() };
+            let next = if is_last.get() { schedule.stages.len() } else { position.stage + 1 };
+            position = Position { stage: next, ..Position::default() };
         }
     }
     report.stopped = progress.is_stopped();

@@ -73,12 +73,12 @@ impl SimplifySettings {
 /// toward each other. This removes what training left in places and directions that hardly show, and that a packed
 /// field would have to store.
 ///
-/// If `progress` is stopped, the result is less simple, or the field as it was.
+/// If `progress` is stopped, the field is only partly simplified, or as it was.
 ///
 /// # Errors
 ///
-/// Returns an error if a setting is out of range, or if the field is not of the kind that is fitted: a cube of 6 to 10 levels, with leaves of at most
-/// four finest cells a side, and a sigmoid of harmonics up to degree 3.
+/// Returns an error if a setting is out of range, or if the field is not of the kind that is fitted: a cube of 6 to 10
+/// levels, with leaves of at most four finest cells a side, and a sigmoid of harmonics up to degree 3.
 pub fn simplify(
     field: &PlenOctree,
     settings: &SimplifySettings,

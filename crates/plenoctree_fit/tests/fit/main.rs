@@ -5,6 +5,8 @@ mod leaves;
 mod refine;
 mod scene;
 
+use std::time::Duration;
+
 use glam::{DMat3, DVec3};
 use plenoctree::{Basis, PlenOctree, camera::PinholeCamera};
 use plenoctree_fit::{FitInput, FitProgress, FitSettings, Fitted, InputFolders, fit};
@@ -176,7 +178,7 @@ fn stopped(input: &FitInput, settings: &FitSettings) -> Fitted {
     std::thread::scope(|scope| {
         let worker = scope.spawn(|| fit(input, None, settings, &progress));
         while progress.status().fraction < 0.001 && !worker.is_finished() {
-            std::thread::sleep(std::time::Duration::from_millis(5));
+            std::thread::sleep(Duration::from_millis(5));
         }
         progress.stop();
         worker.join().unwrap().unwrap()
@@ -221,6 +223,21 @@ fn a_stopped_fit_without_a_checkpoint_returns_a_field() {
     assert!(fitted.report.unsaved.unwrap().contains("none/checkpoint"));
 }
 
+/// However little time there is, something is trained: the coarsest stage, and no other.
+#[test]
+fn short_fits_train_the_coarsest_stage() {
+    let folder = folder("short");
+    let cameras = cameras(32);
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    for depth in [6, 8] {
+        let settings = FitSettings { depth: Some(depth), time: Some(Duration::from_millis(1)), ..quick() };
+        let stages = fit_folder(&folder, &settings).report.stages;
+        let trained: Vec<_> = stages.iter().map(|stage| (stage.resolution, stage.million_rays > 0.0)).collect();
+        assert_eq!(trained, [(64, true)], "depth {depth}");
+    }
+}
+
 /// A held-out picture that cannot be read is found before training. If it is damaged while training, nothing of that is
 /// lost: the fit resumes behind it.
 #[test]
@@ -245,7 +262,7 @@ fn damaged_pictures_do_not_cost_what_was_trained() {
     let failed = std::thread::scope(|scope| {
         let worker = scope.spawn(|| fit(&input, None, &settings, &progress));
         while progress.status().fraction == 0.0 && !worker.is_finished() {
-            std::thread::sleep(std::time::Duration::from_millis(1));
+            std::thread::sleep(Duration::from_millis(1));
         }
         std::fs::write(&picture, &intact[..intact.len() / 2]).unwrap();
         worker.join().unwrap()

@@ -9,7 +9,7 @@ use super::motion::{Motion, Shades};
 use crate::palette::{colors::Palette, oklab::oklab, ramp::InvalidRamps};
 
 /// How a ramp is shown, starting from its source colors: section 4 of the method, step 7. The default changes nothing,
-/// and counts for whatever is not finite.
+/// and replaces values that are not finite.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 #[cfg_attr(

@@ -309,7 +309,7 @@ fn wishes_that_contradict_are_named() {
         (0, UnmetReason::Conflict),
         (2, UnmetReason::Conflict),
         (3, UnmetReason::Locked),
-        (4, UnmetReason::NoLabel(99, 99, palette.colors.len())),
+        (4, UnmetReason::NoLabel { index: 99, colors: palette.colors.len() }),
         (5, UnmetReason::NotFinite),
     ];
     assert_eq!(reasons, expected);
@@ -318,7 +318,10 @@ fn wishes_that_contradict_are_named() {
     assert!(place(error.nearest[0]).distance(middle) < 0.02, "{error:?}");
     assert_eq!(error.nearest[5], gray);
     assert!(error.to_string().contains("wish 3 cannot be met: its colors are in no ramp that may move"), "{error}");
-    assert!(error.to_string().ends_with("wish 5 cannot be met: found a color that is not finite"), "{error}");
+    assert!(
+        error.to_string().ends_with("wish 5 cannot be met: found a color or a share that is not finite"),
+        "{error}"
+    );
     assert_eq!(palette.recolored(&palette.colors, &[], &[]), Ok(palette.colors.clone()));
     // A locked label that already has its color needs nothing.
     assert!(palette.recolored(&palette.colors, &[Wish::tone(8, palette.colors[8])], &[2]).is_ok());

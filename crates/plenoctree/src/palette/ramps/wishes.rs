@@ -48,16 +48,15 @@ pub struct UnmetWishes {
 pub struct Unmet {
     /// Its index among the wishes.
     pub wish: usize,
-    /// The color in encoded sRGB that is nearest to what was wished. NaN if there is none.
-    pub reached: [f64; 3],
+    /// The color in encoded sRGB that is nearest to what was wished, if the wish makes sense.
+    pub reached: Option<[f64; 3]>,
     /// Why it is not met.
     pub reason: UnmetReason,
 }
 
 impl Unmet {
     fn nearest(&self) -> String {
-        let [r, g, b] = self.reached;
-        if r.is_nan() { String::new() } else { format!(" (nearest: {r:.3}, {g:.3}, {b:.3})") }
+        self.reached.map(|[r, g, b]| format!(" (nearest: {r:.3}, {g:.3}, {b:.3})")).unwrap_or_default()
     }
 }
 
@@ -65,10 +64,15 @@ impl Unmet {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UnmetReason {
     /// The palette has no such label.
-    #[error("found a blend of colors {0} and {1}, expected indices below {2}, the number of the palette's colors")]
-    NoLabel(usize, usize, usize),
-    /// The color is not finite.
-    #[error("found a color that is not finite")]
+    #[error("found color {index}, expected an index below {colors}")]
+    NoLabel {
+        /// The index of a color of the label.
+        index: usize,
+        /// The number of colors of the palette.
+        colors: usize,
+    },
+    /// The color, or the share of the label, is not finite.
+    #[error("found a color or a share that is not finite")]
     NotFinite,
     /// The label's ramps are locked, or its colors are in no ramp.
     #[error("its colors are in no ramp that may move")]
@@ -119,11 +123,12 @@ impl Palette {
         locked: &[usize],
     ) -> Result<Vec<[f64; 3]>, UnmetWishes> {
         let fault = |wish: &Wish| {
-            let PaletteLabel { first, second, .. } = wish.label;
-            match self.colors.len() {
-                count if first.max(second) >= count => Some(UnmetReason::NoLabel(first, second, count)),
-                _ if !DVec3::from(wish.color).is_finite() => Some(UnmetReason::NotFinite),
-                _ => None,
+            let PaletteLabel { first, second, share, .. } = wish.label;
+            let (index, colors) = (first.max(second), self.colors.len());
+            match index < colors {
+                false => Some(UnmetReason::NoLabel { index, colors }),
+                true if share.is_finite() && DVec3::from(wish.color).is_finite() => None,
+                true => Some(UnmetReason::NotFinite),
             }
         };
         let known: Vec<Wish> = wishes.iter().copied().filter(|wish| fault(wish).is_none()).collect();
@@ -132,7 +137,7 @@ impl Palette {
         let mut unmet = Vec::new();
         for (index, wish) in wishes.iter().enumerate() {
             if let Some(reason) = fault(wish) {
-                unmet.push(Unmet { wish: index, reached: [f64::NAN; 3], reason });
+                unmet.push(Unmet { wish: index, reached: None, reason });
                 continue;
             }
             let reached = wish.label.mix(&colors);
@@ -140,7 +145,7 @@ impl Palette {
                 let may_move = |tone| self.ramp_of(tone).is_some_and(|ramp| !locked.contains(&ramp));
                 let is_free = may_move(wish.label.first) || may_move(wish.label.second);
                 let reason = if is_free { UnmetReason::Conflict } else { UnmetReason::Locked };
-                unmet.push(Unmet { wish: index, reached: reached.into(), reason });
+                unmet.push(Unmet { wish: index, reached: Some(reached.into()), reason });
             }
         }
         if unmet.is_empty() { Ok(colors) } else { Err(UnmetWishes { unmet, nearest: colors }) }

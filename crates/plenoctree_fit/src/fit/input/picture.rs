@@ -33,9 +33,9 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Reads a picture, and averages squares of `downscale` pixels a side, of which 0 counts as 1. The mask's brightness, or its own opacity if
-    /// it is partly transparent, multiplies the picture's opacity. Masks of zeros and ones are as good as black and
-    /// white ones.
+    /// Reads a picture, and averages squares of `downscale` pixels a side (0 counts as 1). The mask's brightness, or
+    /// its own opacity if it is partly transparent, multiplies the picture's opacity. Masks of zeros and ones are as
+    /// good as black and white ones.
     ///
     /// # Errors
     ///

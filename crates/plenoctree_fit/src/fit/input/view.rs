@@ -103,7 +103,8 @@ impl ViewCamera {
         Self { width, height, lens, rotation, position, directions: None }
     }
 
-    /// Returns the camera for a picture downscaled by `factor`, of which 0 counts as 1. Incomplete pixels at the edges are cut off.
+    /// Returns the camera for a picture downscaled by `factor` (0 counts as 1). Incomplete pixels at the edges are cut
+    /// off.
     pub fn downscaled(&self, factor: u32) -> Result<Self, DVec2> {
         self.downscaled_by(&mut CameraMaker::default(), factor)
     }

@@ -24,7 +24,7 @@ use self::{
 };
 pub use self::{
     gallery::TrainView,
-    schedule::{Position, Schedule, Stage},
+    schedule::{Position, Schedule, Stage, StageTime},
 };
 use super::{
     error::FitError,
@@ -42,6 +42,9 @@ const OPACITY: f32 = 2.0;
 const GAIN_TILES: usize = 8192;
 const TILES_PER_GAIN: usize = 64;
 
+/// The fraction of a stage's usual rays before which no voxels are removed: in a short time, they are hardly trained.
+const LEAST_TRAINED: f64 = 0.02;
+
 /// Weight on some ray above which a voxel is visible enough to be there in the next stage.
 const VISIBLE: f32 = 0.01;
 
@@ -57,7 +60,11 @@ pub struct Model {
 /// random numbers.
 pub type Watch<'a> = dyn FnMut(&Model, &Position, f64, &Random) + 'a;
 
-/// Fits `model` for one stage, from `position` on. Returns early if `progress` says so.
+/// Returns the time of a stage. Called before its first batch, with the seconds that preparing it took in [`train`].
+pub type Limit<'a> = dyn FnMut(f64) -> StageTime + 'a;
+
+/// Fits `model` for one stage, from `position` on. Returns early if `progress` says so. A `limit` replaces the time of
+/// the stage.
 ///
 /// # Errors
 ///
@@ -69,9 +76,11 @@ pub fn train(
     position: &mut Position,
     random: &mut Random,
     progress: &FitProgress,
+    mut limit: Option<&mut Limit>,
     watch: &mut Watch,
 ) -> Result<(), FitError> {
     let (start, before) = (Instant::now(), position.seconds);
+    let mut stage = stage.clone();
     let mut workspace = Workspace::default();
     let mut thickness = Vec::new();
     let mut watched = 0.0;
@@ -79,7 +88,7 @@ pub fn train(
     let gain_tiles = GAIN_TILES.max(TILES_PER_GAIN * gallery.len());
     let no_sums = vec![[Vec3::ZERO; 2]; gallery.len()];
     let (mut sums, mut summed) = (no_sums.clone(), 0);
-    'rounds: while !progress.is_stopped() && stage.fraction(position) < 1.0 {
+    'rounds: while !progress.is_stopped() && (limit.is_some() || stage.fraction(position) < 1.0) {
         let views = gallery.next_round(random)?;
         let mut tiles = active_tiles(&model.grid, &views);
         if tiles.is_empty() {
@@ -88,12 +97,16 @@ pub fn train(
         random.shuffle(&mut tiles);
         for tiles in tiles.chunks(stage.tiles) {
             position.seconds = before + start.elapsed().as_secs_f64();
+            if let Some(limit) = limit.take() {
+                stage.time = Some(limit(position.seconds - before));
+            }
             let fraction = stage.fraction(position);
             if progress.is_stopped() || fraction >= 1.0 {
                 break;
             }
             if let Some(&(at, most)) = stage.prune_at.get(position.prunings)
                 && fraction >= at
+                && stage.trained(position) >= at.min(LEAST_TRAINED)
             {
                 position.prunings += 1;
                 let limits = Limits { most, ..stage.prune_below };

@@ -58,8 +58,8 @@ pub struct Stage {
     pub resolution: u32,
     /// Rays to train on, unless there is a time.
     rays: u64,
-    /// Seconds to train for, preparation included.
-    pub time: Option<f64>,
+    /// Time to train for.
+    pub time: Option<StageTime>,
     /// Tiles of a batch.
     pub tiles: usize,
     /// The fractions of the stage after which invisible voxels are removed, and the most that are kept.
@@ -78,6 +78,15 @@ pub struct Stage {
     pub optimizer: Optimizer,
     /// Rates at the end.
     last: Rates,
+}
+
+/// The time of a stage, in seconds.
+#[derive(Clone, Copy, Debug)]
+pub struct StageTime {
+    /// How long it took until training began.
+    pub preparing: f64,
+    /// How long to train after that.
+    pub training: f64,
 }
 
 impl Schedule {
@@ -116,8 +125,12 @@ impl Schedule {
         Self { stages }
     }
 
-    /// Returns the fraction of all work that is done before `stage`, and the fraction that is this stage's.
+    /// Returns the fraction of all work that is done before `stage`, and the fraction that is this stage's. All is done
+    /// after the last one.
     pub fn shares(&self, stage: usize) -> (f64, f64) {
+        if stage >= self.stages.len() {
+            return (1.0, 0.0);
+        }
         let work = |(stage, cost): (&Stage, f64)| stage.rays as f64 * cost;
         let total: f64 = self.stages.iter().zip(COSTS).map(work).sum();
         let before: f64 = self.stages[..stage].iter().zip(COSTS).map(work).sum();
@@ -140,7 +153,7 @@ impl Stage {
         let rates = |round: u32| whole.rates(f64::from(round) / f64::from(ROUNDS));
         let round = |round: u32| Self {
             rays: (REFINING_RAYS * 1e6 * effort / f64::from(ROUNDS)) as u64,
-            time: time.map(|time| time.as_secs_f64() / f64::from(ROUNDS)),
+            time: time.map(|time| StageTime { preparing: 0.0, training: time.as_secs_f64() / f64::from(ROUNDS) }),
             average_from: Some(ROUND_AVERAGE_FROM),
             optimizer: Optimizer { rates: rates(round), ..whole.optimizer },
             last: rates(round + 1),
@@ -186,11 +199,16 @@ impl Stage {
         }
     }
 
+    /// Returns the fraction of the usual rays that the stage has trained on.
+    pub fn trained(&self, position: &Position) -> f64 {
+        position.rays as f64 / self.rays.max(1) as f64
+    }
+
     /// Returns the fraction of the stage that is done.
     pub fn fraction(&self, position: &Position) -> f64 {
         match self.time {
-            Some(time) => position.seconds / time.max(1e-3),
-            None => position.rays as f64 / self.rays.max(1) as f64,
+            Some(time) => (position.seconds - time.preparing) / time.training.max(1e-3),
+            None => self.trained(position),
         }
     }
 
