@@ -166,7 +166,8 @@ pub fn fit(
         let mut psnr = None;
         let mut measured_at = -1.0;
         let mut watch = |model: &Model, position: &Position, fraction: f64, random: &Random| {
-            if fraction >= measured_at + 0.1 {
+            // It begins again if the stage gets more time.
+            if fraction >= measured_at + 0.1 || fraction < measured_at {
                 measured_at = fraction;
                 psnr = quick_psnr(&model.grid, &model.backdrop, &measured);
             }
