@@ -40,7 +40,7 @@ const FEWEST_TRANSPARENT: usize = 4;
 /// How often a checkpoint is written.
 const SAVE_EVERY: Duration = Duration::from_secs(60);
 /// The fraction of a stage's usual rays below which there is no time for finer stages: they would hardly be trained.
-const LEAST_TRAINED: f64 = 0.05;
+const LEAST_FOR_FINER: f64 = 0.05;
 
 /// A fitted field.
 #[derive(Clone, Debug)]
@@ -186,7 +186,7 @@ pub fn fit(
         loop {
             let limit = limit.as_mut().map(|limit| limit as &mut Limit);
             train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, limit, &mut watch)?;
-            if is_last.get() || progress.is_stopped() || left.is_none() || stage.trained(&position) >= LEAST_TRAINED {
+            if is_last.get() || progress.is_stopped() || left.is_none() || stage.trained(&position) >= LEAST_FOR_FINER {
                 break;
             }
             // Voxels of this size are trained on for as long as there is time.

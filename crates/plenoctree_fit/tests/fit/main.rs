@@ -5,7 +5,7 @@ mod leaves;
 mod refine;
 mod scene;
 
-use std::time::Duration;
+use std::{path::PathBuf, time::Duration};
 
 use glam::{DMat3, DVec3};
 use plenoctree::{Basis, PlenOctree, camera::PinholeCamera};
@@ -15,6 +15,14 @@ use scene::{cameras, folder, write_pictures, write_transforms};
 /// A few seconds of work.
 fn quick() -> FitSettings {
     FitSettings { depth: Some(6), effort: 0.12, basis: Basis::Sh4, ..FitSettings::default() }
+}
+
+/// Returns a folder with pictures with opacity, and their cameras.
+fn photographed(test: &str, count: usize) -> PathBuf {
+    let (folder, cameras) = (folder(test), cameras(count));
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    folder
 }
 
 fn fit_folder(path: &std::path::Path, settings: &FitSettings) -> Fitted {
@@ -30,10 +38,7 @@ fn parts(field: &PlenOctree) -> (&[f32], Vec<u16>) {
 /// of threads.
 #[test]
 fn pictures_with_opacity_are_fitted() {
-    let folder = folder("opacity");
-    let cameras = cameras(32);
-    write_pictures(&folder, &cameras, None, |_| 1.0);
-    write_transforms(&folder, &cameras);
+    let folder = photographed("opacity", 32);
     let fits: Vec<Fitted> = [1, 3]
         .map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -188,10 +193,7 @@ fn stopped(input: &FitInput, settings: &FitSettings) -> Fitted {
 /// A fit that is stopped returns its current result.
 #[test]
 fn a_stopped_fit_returns_a_field() {
-    let folder = folder("stopped");
-    let cameras = cameras(16);
-    write_pictures(&folder, &cameras, None, |_| 1.0);
-    write_transforms(&folder, &cameras);
+    let folder = photographed("stopped", 16);
     let input = FitInput::read(&folder, &InputFolders::default()).unwrap();
     let checkpoint = folder.join("checkpoint");
     let settings = FitSettings { effort: 100.0, checkpoint: Some(checkpoint.clone()), ..quick() };
@@ -212,10 +214,7 @@ fn a_stopped_fit_returns_a_field() {
 /// A state that cannot be saved does not cost the result.
 #[test]
 fn a_stopped_fit_without_a_checkpoint_returns_a_field() {
-    let folder = folder("unsaved");
-    let cameras = cameras(16);
-    write_pictures(&folder, &cameras, None, |_| 1.0);
-    write_transforms(&folder, &cameras);
+    let folder = photographed("unsaved", 16);
     let input = FitInput::read(&folder, &InputFolders::default()).unwrap();
     let settings = FitSettings { effort: 100.0, checkpoint: Some(folder.join("none/checkpoint")), ..quick() };
     let fitted = stopped(&input, &settings);
@@ -226,10 +225,7 @@ fn a_stopped_fit_without_a_checkpoint_returns_a_field() {
 /// However little time there is, something is trained: the coarsest stage, and no other.
 #[test]
 fn short_fits_train_the_coarsest_stage() {
-    let folder = folder("short");
-    let cameras = cameras(32);
-    write_pictures(&folder, &cameras, None, |_| 1.0);
-    write_transforms(&folder, &cameras);
+    let folder = photographed("short", 32);
     for depth in [6, 8] {
         let settings = FitSettings { depth: Some(depth), time: Some(Duration::from_millis(1)), ..quick() };
         let stages = fit_folder(&folder, &settings).report.stages;
@@ -242,10 +238,7 @@ fn short_fits_train_the_coarsest_stage() {
 /// lost: the fit resumes behind it.
 #[test]
 fn damaged_pictures_do_not_cost_what_was_trained() {
-    let folder = folder("held_out");
-    let cameras = cameras(32);
-    write_pictures(&folder, &cameras, None, |_| 1.0);
-    write_transforms(&folder, &cameras);
+    let folder = photographed("held_out", 32);
     let input = FitInput::read(&folder, &InputFolders::default()).unwrap();
     let checkpoint = folder.join("checkpoint");
     let settings = FitSettings { hold_out: Some(2), checkpoint: Some(checkpoint.clone()), resume: true, ..quick() };
@@ -329,10 +322,7 @@ fn boxes_turn_with_the_field() {
 /// are compared before that. Few pictures are in memory at a time.
 #[test]
 fn fields_are_cut() {
-    let folder = folder("cut");
-    let cameras = cameras(24);
-    write_pictures(&folder, &cameras, None, |_| 1.0);
-    write_transforms(&folder, &cameras);
+    let folder = photographed("cut", 24);
     let crop = (DVec3::new(-1.0, -1.0, 0.0), DVec3::ONE);
     let settings = FitSettings { crop: Some(crop), keep_largest: true, picture_memory: 5 * 4 * 40 * 40, ..quick() };
     let fitted = fit_folder(&folder, &settings);

@@ -43,7 +43,7 @@ const GAIN_TILES: usize = 8192;
 const TILES_PER_GAIN: usize = 64;
 
 /// The fraction of a stage's usual rays before which no voxels are removed: in a short time, they are hardly trained.
-const LEAST_TRAINED: f64 = 0.02;
+const LEAST_FOR_REMOVAL: f64 = 0.02;
 
 /// Weight on some ray above which a voxel is visible enough to be there in the next stage.
 const VISIBLE: f32 = 0.01;
@@ -106,7 +106,7 @@ pub fn train(
             }
             if let Some(&(at, most)) = stage.prune_at.get(position.prunings)
                 && fraction >= at
-                && stage.trained(position) >= at.min(LEAST_TRAINED)
+                && stage.trained(position) >= at.min(LEAST_FOR_REMOVAL)
             {
                 position.prunings += 1;
                 let limits = Limits { most, ..stage.prune_below };
