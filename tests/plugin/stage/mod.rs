@@ -21,6 +21,7 @@ use bevy::{
         view::screenshot::{Screenshot, ScreenshotCaptured},
     },
     shader::Shader,
+    tasks::{ComputeTaskPool, TaskPoolBuilder, available_parallelism},
 };
 use bevy_plenoctree::{
     FieldPalette, LabelStages, Palettes, PlenOctree, PlenOctreePlugin, Prop,
@@ -67,11 +68,13 @@ impl Stage {
 
     /// Creates an app that `configure` adds to, also the plugin itself if its place matters.
     pub fn with(size: UVec2, configure: impl FnOnce(&mut App)) -> Self {
+        use_all_cores();
         Self::around(Headless::new(size, |app| plugins(app, configure)).unwrap())
     }
 
     /// Creates such an app on a device with limits.
     pub fn limited(size: u32, limits: wgpu::Limits, configure: impl FnOnce(&mut App)) -> Self {
+        use_all_cores();
         let size = UVec2::splat(size);
         Self::around(Headless::with_limits(size, limits, |app| plugins(app, configure)).unwrap())
     }
@@ -283,6 +286,14 @@ fn plugins(app: &mut App, configure: impl FnOnce(&mut App)) {
     if !app.is_plugin_added::<PlenOctreePlugin>() {
         app.add_plugins(PlenOctreePlugin);
     }
+}
+
+/// Lets systems of several tests run at once: all apps share the threads, of which Bevy creates a single one for systems
+/// on two cores.
+fn use_all_cores() {
+    // One more than there are cores, because some wait for the GPU.
+    let threads = available_parallelism() + 1;
+    ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(threads).build());
 }
 
 /// Waits until something is done, which `is_done` may work on.
