@@ -6,7 +6,7 @@ use miniz_oxide::deflate::compress_to_vec;
 use crate::settings::Settings;
 
 /// The sections of the example in the order of the file.
-const NAMES: [&str; 8] = ["HEAD", "TREE", "DENS", "LEVL", "BASE", "BOOK", "ROWS", "HIST"];
+const NAMES: [&str; 8] = ["HEAD", "TREE", "DENS", "LEVL", "BASE", "BOOK", "ROWS", "BINS"];
 
 /// A packed field with valid checksums, and the settings to read it with.
 #[derive(Arbitrary, Debug)]
@@ -101,9 +101,10 @@ impl PackedFile<'_> {
         // rows, the 1, which stands for the row before. Every bin of the histogram has the weight 1.
         let used = leaves > 0;
         let mut histogram = vec![0, 2, 2, 4];
-        histogram.extend([0.01f64, 1.0].map(f64::to_le_bytes).as_flattened());
+        histogram.extend(0.01f64.to_le_bytes());
         histogram.extend(16u64.to_le_bytes());
-        histogram.extend(constant(16, 1, true));
+        histogram.extend([0xff; 8]);
+        histogram.extend([1f64.to_le_bytes(); 64].as_flattened());
         let contents = [
             head,
             tree,

@@ -26,7 +26,8 @@ pub struct BakeSettings {
     /// Axis of the field's frame that points up. [`UpAxis::Z`] by default.
     pub up: UpAxis,
     /// Density, per world unit, below which a cell is empty. 1e-2 by default, which is also the default threshold of
-    /// [`LoadSettings`](crate::LoadSettings) in boxes of up to 100 units. Cells whose density float32 rounds to 0 are always empty.
+    /// [`LoadSettings`](crate::LoadSettings) in boxes of up to 100 units. Negative values and NaN count as 0. Cells
+    /// whose density float32 rounds to 0 are always empty.
     pub min_density: f64,
     /// Number of points along each axis of a cell over which density is averaged. 1 to 64, 2 by default. Values out of
     /// range are clamped.
@@ -35,7 +36,7 @@ pub struct BakeSettings {
     /// functions of the basis. 96 by default.
     pub directions: u32,
     /// Step to which coefficients are rounded, which makes files smaller. 0, the default, keeps the full precision of
-    /// float16.
+    /// float16, and so do negative values and NaN.
     pub coefficient_step: f64,
 }
 
@@ -136,12 +137,13 @@ fn bake_volume(
     if !(1..=MAX_DEPTH).contains(&depth) {
         return Err(BakeError::Depth(depth));
     }
-    if !min.is_finite() || !max.is_finite() || (max - min).min_element() <= 0.0 {
+    let size = max - min;
+    if !size.is_finite() || size.min_element() <= 0.0 {
         return Err(BakeError::Box { min, max });
     }
     let projection = Projection::new(basis, settings.directions)?;
     let cells = 1u32 << depth;
-    let baker = Baker { settings, cell: (max - min) / f64::from(cells), projection, density, radiance };
+    let baker = Baker { settings, cell: size / f64::from(cells), projection, density, radiance };
     let mut part = baker.part(UVec3::ZERO, cells);
     if part.nodes.is_empty() {
         part.nodes.push([Cell::EMPTY; 8]);
@@ -206,8 +208,8 @@ impl Baker<'_> {
         }
         let mean = sum / f64::from(n.pow(3));
         let density = mean as f32;
-        // NaN passes this check. `PlenOctree::new` returns an error for it.
-        if mean < self.settings.min_density || density == 0.0 {
+        // A density of NaN passes this check. `PlenOctree::new` returns an error for it.
+        if mean < self.settings.min_density.max(0.0) || density == 0.0 {
             return false;
         }
         part.density.push(density);

@@ -5,7 +5,7 @@ use clap::ValueEnum;
 /// A quality preset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Preset {
-    /// Exactly as the method specifies.
+    /// Exact.
     #[default]
     Exact,
     /// Hardly distinguishable from exact.

@@ -247,66 +247,34 @@ impl Real for f64 {
     }
 }
 
-/// Runs `$body` with `$number` as the Rust type of a floating-point dtype. Evaluates to `None` for other dtypes.
+/// Runs `$body` with `$number` as the Rust type of a dtype, if it is one of these. Evaluates to `None` for others.
+macro_rules! with_type {
+    ($dtype:expr, $number:ident => $body:expr, $($kind:literal $size:literal $type:ty),+) => {
+        match ($dtype.kind, $dtype.size) {
+            $(($kind, $size) => {
+                type $number = $type;
+                Some($body)
+            })+
+            _ => None,
+        }
+    };
+}
+
+/// The same, for floating-point dtypes.
 macro_rules! with_real {
     ($dtype:expr, $number:ident => $body:expr) => {
-        match ($dtype.kind, $dtype.size) {
-            ('f', 2) => {
-                type $number = half::f16;
-                Some($body)
-            }
-            ('f', 4) => {
-                type $number = f32;
-                Some($body)
-            }
-            ('f', 8) => {
-                type $number = f64;
-                Some($body)
-            }
-            _ => None,
-        }
+        $crate::file::npy::with_type!($dtype, $number => $body, 'f' 2 half::f16, 'f' 4 f32, 'f' 8 f64)
     };
 }
 
-/// Runs `$body` with `$number` as the Rust type of an integer dtype. Evaluates to `None` for other dtypes.
+/// The same, for integer dtypes.
 macro_rules! with_whole {
     ($dtype:expr, $number:ident => $body:expr) => {
-        match ($dtype.kind, $dtype.size) {
-            ('i', 1) => {
-                type $number = i8;
-                Some($body)
-            }
-            ('i', 2) => {
-                type $number = i16;
-                Some($body)
-            }
-            ('i', 4) => {
-                type $number = i32;
-                Some($body)
-            }
-            ('i', 8) => {
-                type $number = i64;
-                Some($body)
-            }
-            ('u', 1) => {
-                type $number = u8;
-                Some($body)
-            }
-            ('u', 2) => {
-                type $number = u16;
-                Some($body)
-            }
-            ('u', 4) => {
-                type $number = u32;
-                Some($body)
-            }
-            ('u', 8) => {
-                type $number = u64;
-                Some($body)
-            }
-            _ => None,
-        }
+        $crate::file::npy::with_type!(
+            $dtype, $number => $body,
+            'i' 1 i8, 'i' 2 i16, 'i' 4 i32, 'i' 8 i64, 'u' 1 u8, 'u' 2 u16, 'u' 4 u32, 'u' 8 u64
+        )
     };
 }
 
-pub(super) use {with_real, with_whole};
+pub(super) use {with_real, with_type, with_whole};

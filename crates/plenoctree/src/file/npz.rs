@@ -1,6 +1,5 @@
 //! Finds arrays in an `.npz` archive and streams their elements, without trusting what the file claims.
 
-use std::collections::HashMap;
 use std::io::{self, Read, Seek, SeekFrom, Take};
 
 use zip::{CompressionMethod, ZipArchive, read::ZipFile, result::ZipError};
@@ -27,8 +26,6 @@ const CHUNK: usize = 1 << 16;
 /// An open archive.
 pub(super) struct Archive<R> {
     zip: ZipArchive<R>,
-    /// The index of every member. Of several with the same name, the last one counts.
-    members: HashMap<String, usize>,
     bytes: u64,
 }
 
@@ -40,18 +37,17 @@ impl<R: Read + Seek> Archive<R> {
             ZipError::Io(error) if error.raw_os_error().is_some() => ReadFault::Io(error),
             error => not_an_archive(format!("an unreadable zip directory ({error})")),
         })?;
-        let mut archive = Self { zip, members: HashMap::new(), bytes };
+        let mut archive = Self { zip, bytes };
         archive.check_overlaps()?;
         Ok(archive)
     }
 
-    /// Finds all members. Returns an error if two of them share bytes, which lets a small file claim a lot of content.
+    /// Returns an error if two members share bytes, which lets a small file claim a lot of content.
     fn check_overlaps(&mut self) -> Result<(), ReadFault> {
         let mut members = Vec::new();
         for index in 0..self.zip.len() {
             match self.zip.by_index_raw(index) {
                 Ok(member) => {
-                    self.members.insert(member.name().to_owned(), index);
                     let end = member.data_start().saturating_add(member.compressed_size());
                     if end <= self.bytes {
                         members.push((member.header_start(), end, index));
@@ -107,8 +103,7 @@ impl<R: Read + Seek> Archive<R> {
             Err(error) => return Err(zip_fault(error)),
         }
         let bytes = self.bytes;
-        let index = self.members.get(&name).copied();
-        let member = self.zip.by_index(index.unwrap_or(usize::MAX)).map_err(zip_fault)?;
+        let member = self.zip.by_name(&name).map_err(zip_fault)?;
         let size = member.size();
         let packed = member.compressed_size();
         let stored = member.compression() == CompressionMethod::Stored;

@@ -45,7 +45,7 @@ pub struct LoadSettings {
     /// [`UpAxis::Z`] for other files.
     pub up: Option<UpAxis>,
     /// Density below which leaves are dropped: per world unit or, if the box is more than 100 units wide, per tenth of
-    /// its longest side. Otherwise, fields in small units, such as millimeters, would lose what is faint in every cell.
+    /// its longest side. Otherwise, fields in small units, such as millimeters, would lose their faint cells.
     /// 0.01 by default. Leaves whose density is 0 or negative are always dropped. NaN is an error.
     pub density_threshold: f32,
 }

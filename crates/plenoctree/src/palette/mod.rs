@@ -1,8 +1,9 @@
 //! Palette extraction: section 3 of the method (Tojo and Umetani, EGSR 2022, section 4.1).
 //!
-//! [`extract`] samples every leaf of a field from many directions, collects the visible radiance in histograms
-//! ([`sample`](crate::sampling::sample)), and finds the palette that fits them best or, as the paper does, clusters
-//! them and simplifies the convex hull of the clusters. It runs on all cores and needs no app. Other threads can read
+//! [`extract`] samples every leaf of a field from many directions, and collects the visible radiance in histograms
+//! ([`sample`](crate::sampling::sample)). By default, it fits tones to what is seen of the field from outside. Other
+//! methods find the palette that fits the histograms best or, as the paper does, cluster them and simplify the convex
+//! hull of the clusters. It runs on all cores and needs no app. Other threads can read
 //! its [`Progress`](crate::sampling::Progress) and cancel it.
 
 mod colors;

@@ -116,15 +116,12 @@ pub fn posterize(
                 return color;
             }
             let label = assign(place(color), &labels, settings.softness);
-            match settings.space {
-                LabelSpace::Encoded => label,
-                LabelSpace::Tones => background.lerp(label, shown_opacity(settings.space, opacity)),
-            }
+            background.lerp(label, shown_opacity(settings.space, opacity))
         })
         .collect()
 }
 
-/// Flattens the colors of a rendering over `background` with the bilateral filter: steps 1 and 2. Thin pixels are left
+/// Flattens the colors of a rendering over `background` with the bilateral filter: section 4 of the method, step 2. Thin pixels are left
 /// as rendered. In tone space, the others have the colors of the field alone, without the background.
 pub fn filter(rendering: &Rendering, background: DVec3, settings: &Posterization) -> Vec<DVec3> {
     let thin: Vec<bool> = rendering.opacity.iter().map(|&a| a < settings.min_opacity).collect();

@@ -31,7 +31,7 @@ pub(super) fn chosen_leaves(
         .map(|stratum| {
             progress.check()?;
             let (first, end) = (begin(stratum), begin(stratum + 1));
-            Ok(leaves[first + random.bits() as usize % (end - first)])
+            Ok(leaves[first + (random.bits() % (end - first) as u64) as usize])
         })
         .collect()
 }

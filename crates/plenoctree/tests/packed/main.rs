@@ -38,9 +38,6 @@ fn pack(field: &PlenOctree, settings: &PackSettings) -> Packed {
     Packed::new(field, settings, &Progress::default()).unwrap()
 }
 
-/// The section `HIST` of a packed `ball(3, Basis::Sh4)`, as files recorded histograms before `BINS`.
-const ROUNDED: &[u8] = include_bytes!("rounded.hist");
-
 /// A small packed field, as sections.
 fn example(basis: Basis) -> Sections {
     let settings = PackSettings { rows: 16, record_histograms: true, ..Default::default() };
@@ -337,35 +334,23 @@ fn errors_name_the_section() {
         |sections| sections.get("DENS").fill(0xff),
         "DENS: found NaN, expected a positive number",
     );
-    let rounded = |change: &dyn Fn(&mut Vec<u8>), message: &str| {
-        let with_rounded = |sections: &mut Sections| {
-            sections.remove("BINS");
-            sections.add("HIST", ROUNDED.to_vec());
-            change(sections.get("HIST"));
-        };
-        assert_rejected(Basis::Sh4, with_rounded, &format!("HIST: {message}"));
-    };
-    let exact = |change: &dyn Fn(&mut Vec<u8>), message: &str| {
+    let bins = |change: &dyn Fn(&mut Vec<u8>), message: &str| {
         assert_rejected(Basis::Sh4, |sections| change(sections.get("BINS")), &format!("BINS: {message}"));
     };
     let set = |at: usize, bytes: &'static [u8]| {
         move |content: &mut Vec<u8>| content[at..at + bytes.len()].copy_from_slice(bytes)
     };
-    for either in [&rounded as &dyn Fn(&dyn Fn(&mut Vec<u8>), &str), &exact] {
-        either(&set(0, &[2]), "found observers 2, expected 0 or 1");
-        either(&set(1, &[0]), "found directions 0");
-        either(&set(3, &[65]), "found fine_bins 65");
-        either(&set(4, &[0xff; 8]), "found stop_transmittance NaN");
-        either(&|content| content.truncate(9), "found 9 bytes, expected at least 2");
-        either(&|content| _ = content.pop(), "found damaged content");
-    }
-    rounded(&set(12, &[0; 8]), "found a weight of 0");
-    rounded(&set(28, &[0; 4]), "found damaged content");
-    exact(&|content| content[20..20 + 4096].fill(0), "found damaged content");
-    exact(&|content| content[20] |= 1, "found damaged content");
+    bins(&set(0, &[2]), "found observers 2, expected 0 or 1");
+    bins(&set(1, &[0]), "found directions 0");
+    bins(&set(3, &[65]), "found fine_bins 65");
+    bins(&set(4, &[0xff; 8]), "found stop_transmittance NaN");
+    bins(&|content| content.truncate(9), "found 9 bytes, expected at least 20");
+    bins(&|content| _ = content.pop(), "found damaged content");
+    bins(&|content| content[20..20 + 4096].fill(0), "found damaged content");
+    bins(&|content| content[20] |= 1, "found damaged content");
     let weights = 20 + 4096;
-    exact(&set(weights, &[0xff; 8]), "found a weight of NaN");
-    exact(&|content| content[weights + 7] |= 0x80, "found a weight of");
+    bins(&set(weights, &[0xff; 8]), "found a weight of NaN");
+    bins(&|content| content[weights + 7] |= 0x80, "found a weight of");
     assert_rejected(Basis::Sh4, |sections| sections.repeat("BINS"), "BINS: found several sections");
     for name in ["LEVL", "BASE", "BOOK", "ROWS"] {
         let message = format!("{name}: found damaged content");
@@ -380,23 +365,6 @@ fn errors_name_the_section() {
     assert_rejected(Basis::Sh4, |sections| _ = sections.get("TREE").pop(), "TREE: found more or fewer cells");
     assert_rejected(Basis::Sh4, |sections| sections.get("TREE")[1] = 0xff, "TREE: found");
     assert_rejected(Basis::Sh4, |sections| sections.damaged = Some("BASE"), "BASE: found a damaged deflate stream");
-}
-
-/// Earlier files recorded weights with five significant bits, and left out the faintest.
-#[test]
-fn rounded_histograms_are_read() {
-    let mut sections = example(Basis::Sh4);
-    let settings = SamplingSettings::default();
-    let expected = read(&sections.bytes()).unwrap().histograms(&settings).unwrap();
-    sections.remove("BINS");
-    assert_eq!(read(&sections.bytes()).unwrap().histograms(&settings), None);
-    sections.add("HIST", ROUNDED.to_vec());
-    let found = read(&sections.bytes()).unwrap().histograms(&settings).unwrap();
-    assert_eq!(found.samples(), expected.samples());
-    let total = expected.total_weight();
-    for (found, expected) in found.fine().iter().zip(expected.fine()) {
-        assert!((found - expected).abs() <= 0.032 * expected + 1e-6 * total, "{found} {expected}");
-    }
 }
 
 /// Sections that readers do not know are ignored, so that later files can say more.

@@ -14,7 +14,7 @@ use super::{
     histogram, planes,
     quantized::{MAX_LEVELS, MAX_ROWS, Quantized},
     recent::Recent,
-    sections::{BINS, CONSTANTS, DENSITIES, HEAD, HEAD_BYTES, HISTOGRAM, LEVELS, ROWS, TABLE, TREE},
+    sections::{BINS, CONSTANTS, DENSITIES, HEAD, HEAD_BYTES, LEVELS, ROWS, TABLE, TREE},
     streams::{self, Rows},
 };
 use crate::field::{Activation, Basis, Cell, Frame, MAX_DEPTH, PlenOctree, Tables, UpAxis};
@@ -30,13 +30,7 @@ pub(in crate::file) fn read_packed(reader: impl Read + Seek) -> Result<PlenOctre
     let densities = head.densities(&mut file)?;
     let damaged = |section| fault(section, "damaged content", "that of the head");
     let shares = head.rows[0].count > 0;
-    let recorded = if file.has(BINS) {
-        Some(histogram::read(&file.read_all(BINS)?)?)
-    } else if file.has(HISTOGRAM) {
-        Some(histogram::read_rounded(&file.read_all(HISTOGRAM)?)?)
-    } else {
-        None
-    };
+    let recorded = if file.has(BINS) { Some(histogram::read(&file.read_all(BINS)?)?) } else { None };
     let [levels, colors, tables, rows] = [LEVELS, CONSTANTS, TABLE, ROWS].map(|section| file.read_all(section));
     let (levels, colors, tables, rows) = (levels?, colors?, tables?, rows?);
     let levels = streams::read_levels(&levels, head.leaves, head.densities).ok_or_else(|| damaged(LEVELS))?;

@@ -9,8 +9,6 @@ pub const CONSTANTS: &str = "BASE";
 pub const TABLE: &str = "BOOK";
 pub const ROWS: &str = "ROWS";
 pub const BINS: &str = "BINS";
-/// The histogram in earlier files.
-pub const HISTOGRAM: &str = "HIST";
 
 /// Size of the section `HEAD` in bytes.
 pub const HEAD_BYTES: usize = 88;
