@@ -1,8 +1,7 @@
 //! Loads a field, extracts the palette of all of it, and draws it posterized.
 //!
 //! There is no palette file next to the field. So when the field arrives, it is sampled: on a GPU in compute shaders, a
-//! few slices per frame, and otherwise on background threads. The log says which, and the prop appears when that is
-//! done.
+//! slice per frame, and otherwise on background threads. The log says which, and the prop appears when that is done.
 //!
 //! ```sh
 //! cargo run --release --example minimal

@@ -18,10 +18,12 @@ struct Varying {
 }
 
 #ifdef MULTISAMPLED
-// The most that the target holds.
+// What the target holds. In Oklab, channels may be negative.
 #ifdef FLOATS
+const LEAST: f32 = -65504.0;
 const MOST: f32 = 65504.0;
 #else
+const LEAST: f32 = 0.0;
 const MOST: f32 = 1.0;
 #endif
 
@@ -51,7 +53,7 @@ fn shown_at(pixel: vec2<u32>, sample: u32, target_color: vec4<f32>) -> vec4<f32>
         return target_color;
     }
     // What does not fit in the target is left to the prop, which then fits: both are shares of one color that does.
-    let mesh = clamp((target_color - (1.0 - share) * prop) / share, vec4(0.0), vec4(MOST));
+    let mesh = clamp((target_color - (1.0 - share) * prop) / share, vec4(LEAST), vec4(MOST));
     let is_mesh = scene_depth_at(pixel, sample) > props / count;
     return select((target_color - share * mesh) / (1.0 - share), mesh, is_mesh);
 }

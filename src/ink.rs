@@ -46,7 +46,7 @@ pub struct Ink {
     /// Defaults to true.
     pub silhouette: bool,
     /// Whether there are lines where the prop's depth breaks: where a part of it is in front of another one that is
-    /// farther away by at least eight times `width`. These lines are faint, and those from twelve times on are not.
+    /// farther away by at least eight times `width`. The lines are faint there, and reach full strength at twelve times.
     /// There are none on glass and haze, through which something shows.
     ///
     /// Defaults to true.

@@ -32,7 +32,7 @@ pub struct Posterize {
     /// colors alone, without blends.
     ///
     /// Defaults to 3. Clamped to 1..=[`MAX_BLEND_STEPS`]. Palettes of [tones](crate::PaletteMethod::Tones) have no
-    /// blends, whatever it says. Other palettes of more than 17 colors may get fewer steps: no more than
+    /// blends and ignore this. Other palettes of more than 17 colors may get fewer steps: no more than
     /// [`PaletteLabel::most_blend_steps`], so that every pixel is compared to at most [`PaletteLabel::MAX_LABELS`]
     /// labels. In that case, an error is logged.
     pub blend_steps: u32,
@@ -40,7 +40,7 @@ pub struct Posterize {
     /// space](plenoctree::palette::tone_space) for palettes of [tones](crate::PaletteMethod::Tones). 0 is a hard
     /// border.
     ///
-    /// Defaults to 0, which is not the paper's 0.2. Values up to 0.4 are useful. Negative values count as 0.
+    /// Defaults to 0 (the paper uses 0.2). Values up to 0.4 are useful. Negative values count as 0.
     pub softness: f32,
     /// The opacity below which pixels are drawn as trained, from 0 to 1; `lambda` in the method.
     ///
@@ -90,13 +90,13 @@ pub struct Posterize {
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum EdgeSmoothing {
-    /// The labels of the prop are blended with what is behind by the share of an edge pixel that the prop covers, in
-    /// linear light, like the edges of multisampled meshes. The opacity around the pixel says how much that is
+    /// The labels of the prop are blended with the background by the share of an edge pixel that the prop covers, in
+    /// linear light, like the edges of multisampled meshes: section 4 of the method, step 6. The opacity around the pixel says how much that is
     /// ([`PropQuality::estimates_edges`](crate::PropQuality::estimates_edges)), or else several rays through it do
     /// ([`PropQuality::edge_rays`](crate::PropQuality::edge_rays)). This is the default.
     #[default]
     Coverage,
-    /// The ray through the center of a pixel decides for the whole pixel, as the method specifies.
+    /// The ray through the center of a pixel decides for the whole pixel, as in the paper.
     Off,
 }
 
@@ -109,12 +109,12 @@ pub enum EdgeSmoothing {
 pub enum BorderSmoothing {
     /// Borders run where interpolated colors are equally near to two labels: along a straight line within each pixel.
     /// The labels on both sides are blended in linear light, by the share of the pixel that they cover. Islands of up
-    /// to three pixels take the label around them. Lines of one pixel between two ramps that have the color of a third
-    /// go to these two. Labels that blend into one another ([`Posterize::softness`]) have no
-    /// borders, and are drawn as with [`BorderSmoothing::Off`]. This is the default.
+    /// to three pixels are absorbed by the label around them, and so are lines of one pixel between two ramps that have
+    /// the color of a third. Labels that blend into one another ([`Posterize::softness`]) have no borders, and are drawn
+    /// as with [`BorderSmoothing::Off`]. See section 4 of the method, step 11. This is the default.
     #[default]
     Interpolated,
-    /// The center of a pixel decides for the whole pixel, as the method specifies.
+    /// The center of a pixel decides for the whole pixel, as in the paper.
     Off,
 }
 
@@ -225,7 +225,8 @@ impl Posterize {
             before_palette: self.before_palette,
             edges: self.edges,
             borders: self.borders,
-            steadiness: self.steadiness.max(0.0),
+            // Shaders multiply it with 0.
+            steadiness: self.steadiness.clamp(0.0, 1e3).max(0.0),
             method: self.method,
         }
     }

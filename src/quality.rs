@@ -61,10 +61,10 @@ pub struct PropQuality {
     /// [`EdgeSmoothing::Coverage`](crate::EdgeSmoothing::Coverage): 4 or 8. Views with [`Msaa`] always cast 8. Both
     /// leave about a quarter of the error of hard edges, but four rays miss more details that are thinner than a pixel.
     ///
-    /// Defaults to 8. Below 8, it counts as 4, and above, as 8.
+    /// Defaults to 8. Values below 8 count as 4, and larger ones as 8.
     pub edge_rays: u32,
-    /// Whether opacity replaces the rays of an edge pixel if that of the pixels around it shows which part of it the prop
-    /// covers. It does so where cells are larger than two or three pixels, and no other prop is near: opacity then
+    /// Whether to estimate how much of an edge pixel a prop covers from the opacity around it, where that suffices,
+    /// instead of casting rays. It suffices where cells are larger than two or three pixels, and no other prop is near: opacity then
     /// changes gradually across edges. That leaves about 0.03 more of the error of hard edges.
     ///
     /// Defaults to true, unlike [`EXACT`](Self::EXACT).
@@ -89,7 +89,7 @@ impl Default for PropQuality {
 }
 
 impl PropQuality {
-    /// Draws props exactly as the method specifies, every frame by itself.
+    /// Draws props exactly, and every frame by itself.
     pub const EXACT: Self = Self {
         stop_transmittance: 0.01,
         density_threshold: 0.0,
@@ -178,7 +178,7 @@ impl PropQuality {
 #[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum QualityPreset {
-    /// Exactly as the method specifies. This is the default.
+    /// Exact. This is the default.
     #[default]
     Exact,
     /// Hardly distinguishable from [`Exact`](Self::Exact).

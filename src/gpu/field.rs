@@ -36,8 +36,8 @@ pub struct GpuField {
 }
 
 impl GpuField {
-    /// Returns an upper bound on the bytes that `field` takes in GPU memory, not counting levels that a camera's
-    /// [`PropQuality`](crate::PropQuality) may request.
+    /// Returns an upper bound on the bytes that `field` takes in GPU memory, not counting the rest of the last row of
+    /// textures, and levels that a camera's [`PropQuality`](crate::PropQuality) may request.
     pub fn byte_size(field: &PlenOctree) -> u64 {
         Records::most_bytes(field, upload::table_allowance(field))
             + upload::arrays(field).iter().map(|(_, bytes, _)| bytes).sum::<u64>()

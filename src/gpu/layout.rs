@@ -1,7 +1,6 @@
 //! The layout of fields' bind groups, and what pipelines know of a field.
 
 use bevy::{
-    prelude::*,
     render::render_resource::{
         BindGroupLayoutDescriptor, BindGroupLayoutEntries, ShaderStages, ShaderType, TextureFormat, TextureSampleType,
         binding_types::{texture_2d_array, uniform_buffer},
@@ -46,7 +45,7 @@ impl From<FieldShape> for TreeShape {
 }
 
 /// Matches `Field` in `octree.wgsl`.
-#[cfg_attr(test, derive(Reflect))]
+#[cfg_attr(test, derive(bevy::reflect::Reflect))]
 #[derive(Clone, Copy, ShaderType)]
 pub(super) struct FieldUniform {
     pub depth: u32,
@@ -61,18 +60,15 @@ pub(super) struct FieldUniform {
     pub table_scale: f32,
 }
 
-/// The layout of fields' bind groups: their uniform, table records, child records, densities, coefficients, and the
-/// codebook of a packed field. Other fields bind their coefficients in its place.
-#[derive(Resource, Clone)]
-pub(crate) struct FieldLayouts(pub BindGroupLayoutDescriptor);
-
-pub(super) fn init(mut commands: Commands) {
+/// Returns the layout of fields' bind groups: their uniform, table records, child records, densities, coefficients, and
+/// the codebook of a packed field. Other fields bind their coefficients in its place.
+pub(crate) fn field_layout() -> BindGroupLayoutDescriptor {
     let words = || texture_2d_array(TextureSampleType::Uint);
     let entries = BindGroupLayoutEntries::sequential(
         ShaderStages::FRAGMENT | ShaderStages::COMPUTE,
         (uniform_buffer::<FieldUniform>(false), words(), words(), words(), words(), words()),
     );
-    commands.insert_resource(FieldLayouts(BindGroupLayoutDescriptor::new("plenoctree_field", &entries)));
+    BindGroupLayoutDescriptor::new("plenoctree_field", &entries)
 }
 
 impl TreeShape {

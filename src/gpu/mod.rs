@@ -25,12 +25,12 @@ pub use constants::MAX_PROPS_IN_VIEW;
 pub(crate) use constants::SAMPLING_WORKGROUP;
 pub(crate) use errors::Allocator;
 pub use field::GpuField;
-pub(crate) use layout::{FieldLayouts, FieldShape, TreeShape};
+pub(crate) use layout::{FieldShape, TreeShape, field_layout};
 pub(crate) use level::Level;
 pub(crate) use readiness::{LeftOut, Readiness};
 pub(crate) use records::tree_depth;
 pub use report::{FieldFailed, FieldReady, ViewFailed, ViewTooLarge};
-pub(crate) use report::{FieldReports, GpuStatus};
+pub(crate) use report::{FieldReports, GpuStatus, Report};
 pub(crate) use shaders::{Shaders, field_definitions};
 pub use upload::FieldTooLarge;
 pub(crate) use upload::GpuLevel;
@@ -48,10 +48,6 @@ use crate::{
     background::FreesInBackground,
     sets::{PlenOctreeRenderSystems, PlenOctreeSystems},
 };
-
-/// The systems in `RenderStartup` that create the layout of fields.
-#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
-pub(crate) struct InitFields;
 
 /// Uploads every loaded [`PlenOctree`](plenoctree::PlenOctree) to the GPU.
 pub(crate) struct GpuFieldPlugin;
@@ -79,7 +75,7 @@ impl Plugin for GpuFieldPlugin {
                 .insert_resource(FreesInBackground::new())
                 .init_resource::<Readiness>()
                 .init_resource::<report::RenderedFrame>()
-                .add_systems(RenderStartup, (report::report_new_device, layout::init.in_set(InitFields)))
+                .add_systems(RenderStartup, report::report_new_device)
                 .add_systems(
                     ExtractSchedule,
                     (report::extract_frame, systems::extract_missing.after(AssetExtractionSystems)),

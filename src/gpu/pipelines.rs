@@ -8,19 +8,12 @@ use bevy::{
 /// The name of custom stages, with which the labels of their pipelines begin.
 pub(crate) const STAGE: &str = "plenoctree_stage";
 
-/// Returns the labels of the pipelines that are still being compiled.
-pub(crate) fn compiling(cache: &PipelineCache) -> impl Iterator<Item = &str> {
+/// Returns the labels of the pipelines that are still being compiled, or whose shaders are still being loaded.
+pub(crate) fn waiting(cache: &PipelineCache) -> impl Iterator<Item = &str> {
     cache.pipelines().filter_map(|pipeline| match &pipeline.state {
         CachedPipelineState::Queued | CachedPipelineState::Creating(_) => Some(label(&pipeline.descriptor)),
-        CachedPipelineState::Ok(_) | CachedPipelineState::Err(_) => None,
-    })
-}
-
-/// Returns the labels of the pipelines whose shaders are still being loaded.
-pub(crate) fn loading(cache: &PipelineCache) -> impl Iterator<Item = &str> {
-    cache.pipelines().filter_map(|pipeline| match &pipeline.state {
         CachedPipelineState::Err(error) if is_loading(error) => Some(label(&pipeline.descriptor)),
-        _ => None,
+        CachedPipelineState::Ok(_) | CachedPipelineState::Err(_) => None,
     })
 }
 

@@ -69,9 +69,12 @@ pub struct ViewTooLarge {
 }
 
 /// A report of the render world.
-enum Report {
+pub(crate) enum Report {
+    /// Whether a field can be drawn.
     Field(AssetId<PlenOctree>, Result<(), FieldTooLarge>),
+    /// A level of a field that is not drawn.
     Level(AssetId<PlenOctree>, FieldTooLarge),
+    /// A camera that draws no props.
     View(Entity, ViewTooLarge),
     /// The share of a field that has arrived.
     Progress(AssetId<PlenOctree>, f32),
@@ -92,20 +95,8 @@ struct Inbox {
 pub(crate) struct FieldReports(Arc<Mutex<Inbox>>);
 
 impl FieldReports {
-    pub fn field(&self, field: AssetId<PlenOctree>, outcome: Result<(), FieldTooLarge>) {
-        self.inbox().reports.push(Report::Field(field, outcome));
-    }
-
-    pub fn level(&self, field: AssetId<PlenOctree>, error: FieldTooLarge) {
-        self.inbox().reports.push(Report::Level(field, error));
-    }
-
-    pub fn view(&self, camera: Entity, error: ViewTooLarge) {
-        self.inbox().reports.push(Report::View(camera, error));
-    }
-
-    pub fn progress(&self, field: AssetId<PlenOctree>, share: f32) {
-        self.inbox().reports.push(Report::Progress(field, share));
+    pub fn send(&self, report: Report) {
+        self.inbox().reports.push(report);
     }
 
     fn inbox(&self) -> MutexGuard<'_, Inbox> {
@@ -167,6 +158,7 @@ impl GpuStatus {
 pub(super) fn receive(
     reports: Option<Res<FieldReports>>,
     mut status: ResMut<GpuStatus>,
+    loaded: Res<Assets<PlenOctree>>,
     mut fields: MessageReader<AssetEvent<PlenOctree>>,
     mut ready: MessageWriter<FieldReady>,
     mut failed: MessageWriter<FieldFailed>,
@@ -187,6 +179,12 @@ pub(super) fn receive(
         status.pipeline_error.clone_from(&inbox.pipeline_error);
     }
     for report in inbox.reports.drain(..) {
+        // Rendering runs in parallel with the next frame, in which the field may have been removed.
+        if let Report::Field(field, _) | Report::Progress(field, _) = &report
+            && loaded.get(*field).is_none()
+        {
+            continue;
+        }
         match report {
             Report::NewDevice => {
                 status.outcomes.clear();
@@ -235,7 +233,7 @@ pub(super) fn report_pipelines(
     reports: Res<FieldReports>,
 ) {
     let mut inbox = reports.inbox();
-    let is_waiting = pipelines::compiling(&cache).chain(pipelines::loading(&cache)).any(pipelines::draws_props);
+    let is_waiting = pipelines::waiting(&cache).any(pipelines::draws_props);
     if readiness.left_out < LeftOut::More && !is_waiting {
         inbox.drawn = frame.0;
     }
@@ -248,16 +246,19 @@ pub(super) fn report_pipelines(
 
 /// Forgets what was on a lost device.
 pub(super) fn report_new_device(reports: Res<FieldReports>) {
-    reports.inbox().reports.push(Report::NewDevice);
+    reports.send(Report::NewDevice);
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+    use plenoctree::{BakeSettings, bake};
+
     use super::*;
 
-    /// A field may be changed in the frame in which its earlier version arrives.
+    /// A field may be changed or removed in the frame in which it arrives.
     #[test]
-    fn the_outcome_of_an_earlier_version_does_not_last() {
+    fn what_is_known_of_an_earlier_version_does_not_last() {
         let (mut world, reports) = (World::new(), FieldReports::default());
         world.insert_resource(reports.clone());
         world.init_resource::<GpuStatus>();
@@ -265,15 +266,22 @@ mod tests {
         world.init_resource::<Messages<FieldReady>>();
         world.init_resource::<Messages<FieldFailed>>();
         world.init_resource::<Messages<ViewFailed>>();
-        let id = AssetId::<PlenOctree>::default();
-        let mut receive = |report: &dyn Fn()| {
-            report();
+        let field = bake(&BakeSettings { depth: 1, ..default() }, |_| 1.0, |_| |_| DVec3::ONE).unwrap();
+        let mut fields = Assets::default();
+        let id = fields.add(field).id();
+        world.insert_resource(fields);
+        let receive = |world: &mut World, report: Report| {
+            reports.send(report);
             world.run_system_cached(receive).unwrap();
             let status = world.resource::<GpuStatus>();
             (status.outcome(id).map(|outcome| outcome.is_ok()), status.progress(id))
         };
-        receive(&|| reports.field(id, Ok(())));
-        assert_eq!(receive(&|| reports.progress(id, 0.5)), (None, 0.5));
-        assert_eq!(receive(&|| reports.field(id, Ok(()))), (Some(true), 1.0));
+        receive(&mut world, Report::Field(id, Ok(())));
+        assert_eq!(receive(&mut world, Report::Progress(id, 0.5)), (None, 0.5));
+        assert_eq!(receive(&mut world, Report::Field(id, Ok(()))), (Some(true), 1.0));
+        world.resource_mut::<Assets<PlenOctree>>().remove(id);
+        world.write_message(AssetEvent::<PlenOctree>::Removed { id });
+        assert_eq!(receive(&mut world, Report::Field(id, Ok(()))), (None, 0.0));
+        assert_eq!(receive(&mut world, Report::Progress(id, 0.5)), (None, 0.0));
     }
 }

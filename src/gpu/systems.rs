@@ -19,7 +19,7 @@ use super::{
     field::GpuField,
     layout::TreeShape,
     readiness::Readiness,
-    report::FieldReports,
+    report::{FieldReports, Report},
     upload::Uploader,
 };
 
@@ -63,7 +63,7 @@ pub(super) fn upload_levels(
         // The failure of a field itself is reported at the end of the frame.
         if let Some(error) = failure.filter(|_| !matches!(field.outcome(), Some(Err(_)))) {
             error!("a level of field {id} is not drawn: {error}");
-            reports.level(id, error);
+            reports.send(Report::Level(id, error));
         }
     }
 }
@@ -82,9 +82,9 @@ pub(super) fn end_frame(
             if let Err(error) = &outcome {
                 error!("field {id} cannot be drawn: {error}");
             }
-            reports.field(id, outcome);
+            reports.send(Report::Field(id, outcome));
         } else if field.outcome().is_none() {
-            reports.progress(id, field.progress());
+            reports.send(Report::Progress(id, field.progress()));
         }
     }
 }

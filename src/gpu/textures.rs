@@ -87,14 +87,8 @@ impl Layers {
         self.width as usize * self.rows as usize
     }
 
-    /// Creates the texture for a `usage` besides being written.
-    pub fn texture(
-        self,
-        device: &RenderDevice,
-        label: &'static str,
-        format: TextureFormat,
-        usage: TextureUsages,
-    ) -> Texture {
+    /// Creates the texture.
+    pub fn texture(self, device: &RenderDevice, label: &'static str, format: TextureFormat) -> Texture {
         device.create_texture(&TextureDescriptor {
             label: Some(label),
             size: Extent3d { width: self.width, height: self.rows, depth_or_array_layers: self.count },
@@ -102,7 +96,7 @@ impl Layers {
             sample_count: 1,
             dimension: TextureDimension::D2,
             format,
-            usage: usage | TextureUsages::COPY_DST,
+            usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
             view_formats: &[],
         })
     }

@@ -6,7 +6,7 @@ use bevy::{
     ecs::system::SystemParam,
     prelude::*,
     render::{
-        render_resource::{BindGroup, BindGroupEntries, BufferUsages, PipelineCache, Texture, TextureUsages},
+        render_resource::{BindGroup, BindGroupEntries, BufferUsages, PipelineCache, Texture},
         renderer::{RenderDevice, RenderQueue},
     },
 };
@@ -16,7 +16,7 @@ use plenoctree::{Codebook, PlenOctree};
 use super::{
     buffers::buffer_with,
     errors::DriverErrors,
-    layout::{DENSITIES, FieldLayouts, FieldShape, FieldUniform, PACKED_WORDS, WORDS},
+    layout::{DENSITIES, FieldShape, FieldUniform, PACKED_WORDS, WORDS, field_layout},
     payload::Payload,
     records::Records,
     textures::{self, Grid, Layers},
@@ -191,7 +191,6 @@ pub(super) struct Uploader<'w> {
     pub device: Res<'w, RenderDevice>,
     pub queue: Res<'w, RenderQueue>,
     pipelines: Res<'w, PipelineCache>,
-    layouts: Res<'w, FieldLayouts>,
 }
 
 impl Uploader<'_> {
@@ -231,21 +230,20 @@ impl Uploader<'_> {
         };
         let uniform = buffer_with(device, queue, "plenoctree_field", BufferUsages::UNIFORM, &uniform);
         let of_leaves = if codebook.is_some() { PACKED_WORDS } else { WORDS };
-        let usage = TextureUsages::TEXTURE_BINDING;
         let mut textures = vec![
-            layers[0].texture(device, "plenoctree_table", WORDS, usage),
-            layers[1].texture(device, "plenoctree_records", WORDS, usage),
-            layers[2].texture(device, "plenoctree_densities", DENSITIES, usage),
-            layers[3].texture(device, "plenoctree_coefficients", of_leaves, usage),
+            layers[0].texture(device, "plenoctree_table", WORDS),
+            layers[1].texture(device, "plenoctree_records", WORDS),
+            layers[2].texture(device, "plenoctree_densities", DENSITIES),
+            layers[3].texture(device, "plenoctree_coefficients", of_leaves),
         ];
         if codebook.is_some() {
-            textures.push(layers[4].texture(device, "plenoctree_codebook", PACKED_WORDS, usage));
+            textures.push(layers[4].texture(device, "plenoctree_codebook", PACKED_WORDS));
         }
         let views: [_; 5] = std::array::from_fn(|index| textures::view(&textures[index.min(textures.len() - 1)]));
         let shape = FieldShape { payload, activation: field.activation(), inner_records: !records.children.is_empty() };
         let bind_group = self.device.create_bind_group(
             "plenoctree_field",
-            &self.pipelines.get_bind_group_layout(&self.layouts.0),
+            &self.pipelines.get_bind_group_layout(&field_layout()),
             &BindGroupEntries::sequential((
                 uniform.as_entire_buffer_binding(),
                 &views[0],

@@ -11,7 +11,7 @@ use super::error::{HeadlessError, RenderingFailure};
 use crate::{
     camera::PosterizeView,
     gpu::{GpuField, LeftOut, Readiness, pipelines},
-    palette::{PaletteExtraction, Palettes},
+    palette::{PaletteExtraction, Palettes, field_name},
     posterize::Posterize,
     prop::{Prop, PropError, PropState},
     render::PropView,
@@ -70,10 +70,7 @@ fn for_pipelines(app: &App) -> Result<Option<String>, HeadlessError> {
     if let Some((label, error)) = pipelines::failed(cache).next() {
         return Err(HeadlessError::Prop(PropError::Pipeline(format!("{label}: {error}"))));
     }
-    let waiting = pipelines::compiling(cache)
-        .chain(pipelines::loading(cache))
-        .next()
-        .map(|label| format!("the shaders of {label}"));
+    let waiting = pipelines::waiting(cache).next().map(|label| format!("the shaders of {label}"));
     let readiness = render.and_then(|render| render.world().get_resource::<Readiness>());
     let is_complete = readiness.is_none_or(|readiness| readiness.left_out == LeftOut::Nothing);
     Ok(waiting.or_else(|| (!is_complete).then(|| "a frame with all pipelines".to_string())))
@@ -120,6 +117,5 @@ fn for_views(world: &mut World) -> Result<Option<String>, HeadlessError> {
 
 /// Returns the path of a field or, if it has none, its id.
 fn name(world: &World, field: AssetId<PlenOctree>) -> String {
-    let path = world.get_resource::<AssetServer>().and_then(|server| server.get_path(field));
-    path.map_or_else(|| format!("field {field}"), |path| path.to_string())
+    field_name(world.get_resource(), field)
 }

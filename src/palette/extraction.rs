@@ -59,7 +59,7 @@ pub enum PaletteSampler {
 pub struct PaletteExtraction {
     /// The settings of extractions. Extractions that are already running keep theirs.
     ///
-    /// Defaults to all leaves. The method is that of the first posterized prop or view of the field that names one
+    /// Defaults to [`ExtractionSettings::default`]: tones, from all leaves. The method is that of the first posterized prop or view of the field that names one
     /// ([`Posterize::method`](crate::Posterize::method)), unless the extraction was [requested](Self::request). If all
     /// of them name other methods before the palette is ready, the extraction starts over.
     pub settings: ExtractionSettings,
@@ -262,7 +262,7 @@ pub(super) fn start(
             SampleOrigin::Cpu
         };
         if is_valid {
-            let (name, leaves) = (name(server.as_deref(), id), field.leaves());
+            let (name, leaves) = (field_name(server.as_deref(), id), field.leaves());
             info!("extracting the palette of {name}: {leaves} leaves, sampled {origin}");
         }
         let step = match origin {
@@ -278,7 +278,7 @@ pub(super) fn start(
 }
 
 /// Returns the path of a field or, if it has none, its id.
-fn name(server: Option<&AssetServer>, field: AssetId<PlenOctree>) -> String {
+pub(crate) fn field_name(server: Option<&AssetServer>, field: AssetId<PlenOctree>) -> String {
     let path = server.and_then(|server| server.get_path(field));
     path.map_or_else(|| format!("field {field}"), |path| path.to_string())
 }
@@ -368,7 +368,8 @@ pub(super) fn finish(
             Ok(_) if !running.purpose.applies(*id, &palettes) => {}
             Ok((extraction, samples)) => {
                 let (count, of) = (extraction.palette.colors.len(), extraction.report.radiance_samples);
-                let (name, origin, seconds) = (name(server.as_deref(), *id), samples.origin, extraction.report.seconds);
+                let (name, origin, seconds) =
+                    (field_name(server.as_deref(), *id), samples.origin, extraction.report.seconds);
                 info!(
                     "extracted {count} colors of {name} from {of} radiance samples, taken {origin}: {:.2} s of \
                      sampling, {:.2} s of computing",
@@ -379,7 +380,7 @@ pub(super) fn finish(
                 sampled.insert(*id, samples);
             }
             Err(error) => {
-                error!("failed to extract the palette of {}: {error}", name(server.as_deref(), *id));
+                error!("failed to extract the palette of {}: {error}", field_name(server.as_deref(), *id));
                 messages.write(PaletteFailed { field: *id, error: error.clone() });
                 failed.insert(*id, error);
             }

@@ -11,6 +11,8 @@ mod samples;
 mod source;
 
 pub use blend::BlendSpace;
+#[cfg(feature = "headless")]
+pub(crate) use extraction::field_name;
 pub use extraction::{PaletteExtraction, PaletteSampler};
 pub use file::PaletteLoader;
 pub use overrides::PaletteOverride;

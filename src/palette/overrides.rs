@@ -144,7 +144,7 @@ impl PaletteOverride {
 
     /// Moves ramps of the field's palette on this entity so that labels get given colors, like
     /// [`FieldPalette::recolor`]. Overrides all colors of ramps that have a wish and are not in `locked`, and colors in
-    /// no ramp that have one, even if they show what was wished already: wishes are the entity's own, and outlast
+    /// no ramp that have one, even if they already show the wished color, because wishes belong to the entity and outlast
     /// changes of the field's palette. Later adjustments of these ramps only show once their colors are
     /// [`unset`](Self::unset).
     ///

@@ -246,7 +246,11 @@ impl FieldPalette {
     pub fn adjust_ramp(&mut self, ramp: usize, adjustment: &RampAdjustment) -> bool {
         let Self { palette, shown, .. } = self;
         let set = |tone: usize, color: [f64; 3]| shown[tone] = decoded(&color);
-        palette.show_ramp(ramp, adjustment, set).is_ok() || is_ramp(palette, ramp)
+        let shown = palette.show_ramp(ramp, adjustment, set);
+        if let Err(error) = &shown {
+            warn_once!("cannot show a ramp of a palette: {error}");
+        }
+        shown.is_ok()
     }
 
     /// Moves ramps so that labels get given colors, as exactly as wished: those of a [`PropHit`](crate::PropHit), for
@@ -322,15 +326,6 @@ pub(crate) fn encoded(color: impl Into<Color>) -> [f64; 3] {
 /// Returns the color of channels in encoded sRGB.
 pub(crate) fn decoded(color: &[f64; 3]) -> Color {
     Color::srgb(color[0] as f32, color[1] as f32, color[2] as f32)
-}
-
-/// Returns whether a palette has a ramp, and logs a warning (once per app) if not.
-fn is_ramp(palette: &Palette, ramp: usize) -> bool {
-    let count = palette.ramps.len();
-    if ramp >= count {
-        warn_once!("cannot show ramp {ramp} of a palette with {count} ramps");
-    }
-    ramp < count
 }
 
 impl Palettes {

@@ -68,9 +68,13 @@ fn sliders(ui: &mut egui::Ui, settings: &mut ExtractionSettings) -> bool {
     egui::Grid::new("extraction")
         .num_columns(2)
         .show(ui, |ui| {
-            let method = choose_method(ui, method);
+            let hint = "hull: the corners of all colors; fitted: the colors whose blends fit best; tones: colors without \
+                        blends";
+            let method = choose(ui, "Method", hint, method, &PaletteMethod::ALL, PaletteMethod::name);
             let colors = choose_colors(ui, colors);
-            let observers = choose(ui, observers);
+            let regions = [ObserverRegion::UpperHemisphere, ObserverRegion::Sphere];
+            let hint = "Directions from which the field is seen";
+            let observers = choose(ui, "Observers", hint, observers, &regions, observers_name);
             let hint = "n: samples every leaf from 4n x n directions; twice as many for the full sphere";
             let directions = row(ui, "Directions", hint, egui::Slider::new(directions, 1..=8));
             let hint = "Square root of the number of rays that are averaged per direction";
@@ -83,20 +87,6 @@ fn sliders(ui: &mut egui::Ui, settings: &mut ExtractionSettings) -> bool {
             method | colors | observers | directions | multisamples | leaves | threshold
         })
         .inner
-}
-
-fn choose_method(ui: &mut egui::Ui, method: &mut PaletteMethod) -> bool {
-    let before = *method;
-    let hint =
-        "hull: the corners of all colors; fitted: the colors whose blends fit best; tones: colors without blends";
-    ui.label("Method").on_hover_text(hint);
-    egui::ComboBox::from_id_salt("method").selected_text(before.name()).show_ui(ui, |ui| {
-        for choice in PaletteMethod::ALL {
-            ui.selectable_value(method, choice, choice.name());
-        }
-    });
-    ui.end_row();
-    *method != before
 }
 
 /// Shows two checkboxes, and the slider of the number of colors or of the tolerance.
@@ -133,18 +123,29 @@ fn choose_colors(ui: &mut egui::Ui, colors: &mut ColorCount) -> bool {
     switched | changed
 }
 
-fn choose(ui: &mut egui::Ui, observers: &mut ObserverRegion) -> bool {
-    let name = |observers| match observers {
-        ObserverRegion::UpperHemisphere => "Upper hemisphere",
-        ObserverRegion::Sphere => "Full sphere",
-    };
-    let before = *observers;
-    ui.label("Observers").on_hover_text("Directions from which the field is seen");
-    egui::ComboBox::from_id_salt("observers").selected_text(name(before)).show_ui(ui, |ui| {
-        for choice in [ObserverRegion::UpperHemisphere, ObserverRegion::Sphere] {
-            ui.selectable_value(observers, choice, name(choice));
+/// Shows a list to choose from. Returns whether the choice changed.
+fn choose<T: Copy + PartialEq>(
+    ui: &mut egui::Ui,
+    label: &str,
+    hint: &str,
+    value: &mut T,
+    choices: &[T],
+    name: impl Fn(T) -> &'static str,
+) -> bool {
+    let before = *value;
+    ui.label(label).on_hover_text(hint);
+    egui::ComboBox::from_id_salt(label).selected_text(name(before)).show_ui(ui, |ui| {
+        for choice in choices {
+            ui.selectable_value(value, *choice, name(*choice));
         }
     });
     ui.end_row();
-    *observers != before
+    *value != before
+}
+
+fn observers_name(observers: ObserverRegion) -> &'static str {
+    match observers {
+        ObserverRegion::UpperHemisphere => "Upper hemisphere",
+        ObserverRegion::Sphere => "Full sphere",
+    }
 }

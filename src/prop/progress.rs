@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 
 /// The progress of a [`Prop`](crate::Prop) on its way to the screen. For loading screens,
-/// [`props_progress`](crate::props_progress) sums up that of all fields.
+/// [`props_progress`](crate::props_progress) averages it over all fields.
 ///
 /// Every prop has this component; do not change it. It is updated together with [`PropState`](crate::PropState), and
 /// marked as changed only when it changes. While a prop waits for a field, no fraction falls. When a prop is ready or

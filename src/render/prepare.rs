@@ -24,13 +24,13 @@ use bevy::{
 
 use super::{
     extract::{ExtractedProps, VisibleProps},
-    frame::{Comparison, Draw, InitPipelines, PaletteBuffer, Pass, Pipelines, PropView, RaySet, Slot},
+    frame::{Comparison, Draw, PaletteBuffer, Pass, Pipelines, PropView, RaySet, Slot},
     passes,
     plan::{Feature, Known, Plan, choose_levels, decide, drawn_viewport, look_ahead},
 };
 use crate::{
     camera::PropPlacement,
-    gpu::{FieldLayouts, FieldReports, GpuField, InitFields, LeftOut, Readiness, Shaders, ViewTooLarge},
+    gpu::{FieldReports, GpuField, LeftOut, Readiness, Report, Shaders, ViewTooLarge},
     sets::PlenOctreeRenderSystems,
 };
 
@@ -39,7 +39,7 @@ pub(super) fn plugin(render_app: &mut SubApp) {
     render_app.world_mut().register_required_components::<VisibleProps, PropView>();
     render_app
         .init_gpu_resource::<PaletteBuffer>()
-        .add_systems(RenderStartup, (forget_views, init).chain().in_set(InitPipelines).after(InitFields))
+        .add_systems(RenderStartup, (forget_views, init).chain())
         .add_systems(
             Render,
             (
@@ -51,9 +51,12 @@ pub(super) fn plugin(render_app: &mut SubApp) {
         );
 }
 
-fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<FieldLayouts>) {
-    commands.insert_resource(Pipelines::new(&shaders, &fields));
-    commands.remove_resource::<Comparison>();
+fn init(mut commands: Commands, shaders: Res<Shaders>) {
+    #[cfg(feature = "shadows")]
+    let lights = Some(passes::lights_layout());
+    #[cfg(not(feature = "shadows"))]
+    let lights = None;
+    commands.insert_resource(Pipelines::new(&shaders, lights));
 }
 
 /// Removes the components of views that belong to a lost device. The next extraction adds them again.
@@ -100,12 +103,11 @@ type View = (
 );
 
 pub(super) fn plan_views(
-    mut commands: Commands,
     extracted: Res<ExtractedProps>,
     fields: Res<RenderAssets<GpuField>>,
     (device, queue): (Res<RenderDevice>, Res<RenderQueue>),
     (cache, shaders): (Res<PipelineCache>, Res<Shaders>),
-    (mut pipelines, comparison): (ResMut<Pipelines>, Option<Res<Comparison>>),
+    mut pipelines: ResMut<Pipelines>,
     phases: Option<Res<ViewSortedRenderPhases<Transparent3d>>>,
     (reports, mut readiness): (Res<FieldReports>, ResMut<Readiness>),
     mut palettes: ResMut<PaletteBuffer>,
@@ -179,8 +181,8 @@ pub(super) fn plan_views(
     }
     readiness.waiting.clone_from(&pipelines.waiting);
     readiness.left_out = views.iter().map(|(.., view)| view.left_out).max().unwrap_or_default();
-    if rests && comparison.is_none() {
-        commands.insert_resource(Comparison::new(&cache, &shaders));
+    if rests {
+        pipelines.comparison.get_or_insert_with(|| Comparison::new(&cache, &shaders));
     }
 }
 
@@ -292,7 +294,7 @@ fn report_shortage(view: &mut PropView, props: usize, camera: Entity, reports: &
     let error = view.textures.allocator.error().unwrap_or("no message").to_string();
     if view.shortage.is_none() {
         error!("camera {camera} draws no props: {too_large}: {error}");
-        reports.view(camera, too_large.clone());
+        reports.send(Report::View(camera, too_large.clone()));
     }
     view.shortage = Some((too_large, props));
     view.clear();

@@ -21,8 +21,6 @@ use bevy::{
     },
 };
 
-use crate::gpu::InitFields;
-
 /// Runs the jobs in [`SamplingJobs`].
 pub(crate) struct SamplingPlugin;
 
@@ -38,7 +36,7 @@ impl Plugin for SamplingPlugin {
             render_app
                 .init_gpu_resource::<slices::ActiveSampling>()
                 .init_gpu_resource::<SpecializedComputePipelines<pipeline::SamplingPipeline>>()
-                .add_systems(RenderStartup, pipeline::init.after(InitFields))
+                .add_systems(RenderStartup, pipeline::init)
                 .add_systems(RenderGraph, slices::advance_sampling.before(camera_driver));
         }
     }

@@ -10,7 +10,7 @@ use bevy::{
     shader::Shader,
 };
 
-use crate::gpu::{FieldLayouts, FieldShape, Shaders, TreeShape, field_definitions};
+use crate::gpu::{FieldShape, Shaders, TreeShape, field_definitions, field_layout};
 
 /// Matches `Slice` in `sampling.wgsl`.
 #[cfg_attr(test, derive(Reflect))]
@@ -34,10 +34,9 @@ pub(super) struct SamplingPipeline {
     views_shader: Handle<Shader>,
     pub leaves_layout: BindGroupLayoutDescriptor,
     pub views_layout: BindGroupLayoutDescriptor,
-    fields: FieldLayouts,
 }
 
-pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<FieldLayouts>) {
+pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>) {
     commands.insert_resource(SamplingPipeline {
         leaves_shader: shaders.get("sampling"),
         views_shader: shaders.get("see"),
@@ -61,7 +60,6 @@ pub(super) fn init(mut commands: Commands, shaders: Res<Shaders>, fields: Res<Fi
                 (storage_buffer_read_only_sized(false, None), storage_buffer_sized(false, None)),
             ),
         ),
-        fields: fields.clone(),
     });
 }
 
@@ -86,7 +84,7 @@ impl SpecializedComputePipeline for SamplingPipeline {
         let tree = TreeShape::from(shape).definitions();
         ComputePipelineDescriptor {
             label: Some(label.into()),
-            layout: vec![layout.clone(), self.fields.0.clone()],
+            layout: vec![layout.clone(), field_layout()],
             shader: shader.clone(),
             shader_defs: field_definitions(shape).into_iter().chain(tree).chain(lattice).collect(),
             entry_point: Some(entry_point.into()),

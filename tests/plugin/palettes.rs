@@ -208,6 +208,11 @@ fn invalid_palettes_are_rejected() {
     cut.colors.truncate(1);
     let mut palette = FieldPalette::new(cut);
     assert!(!palette.adjust_ramp(0, &RampAdjustment::default()));
+    // So are those whose tones have no weights.
+    let mut light = Palette::new(vec![[0.5, 0.1, 0.1], [0.8, 0.2, 0.2]]).unwrap();
+    light.gather_tones(&[0, 1], "cap").unwrap();
+    light.weights.truncate(1);
+    assert!(!FieldPalette::new(light).adjust_ramp(0, &RampAdjustment::default()));
 }
 
 /// Returns a value after a round trip through text.

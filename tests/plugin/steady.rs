@@ -70,6 +70,8 @@ fn labels_flicker_less_while_the_camera_turns() {
     println!("{} labels change, {} if they are kept", flicker(&loose), flicker(&steady));
     assert!(flicker(&loose) > 300, "{}", flicker(&loose));
     assert!(10 * flicker(&steady) < 9 * flicker(&loose), "{} of {}", flicker(&steady), flicker(&loose));
+    let steadiest = flicker(&frames(&mut self::view(f32::INFINITY)));
+    assert!(4 * steadiest < 3 * flicker(&steady), "{steadiest} of {}", flicker(&steady));
     view.set(PropQuality::EXACT);
     assert!(frames(&mut view) == loose, "exact");
 }

@@ -207,7 +207,6 @@ fn scene_bytes(words: u64, size: UVec2) -> u64 {
 const COMPARE: &str = "plenoctree_compare";
 
 /// The pipelines that compare the scene with what it was.
-#[derive(Resource)]
 pub(in crate::render) struct Comparison {
     /// The depth of a single-sampled scene, that of a multisampled one, the scene's colors, and light.
     pipelines: [(BindGroupLayoutDescriptor, CachedComputePipelineId); 4],

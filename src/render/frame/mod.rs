@@ -15,7 +15,7 @@ pub(super) use bind_groups::BindGroups;
 pub(super) use buffers::PaletteBuffer;
 pub(super) use cache::Comparison;
 pub(super) use pass::{Blend, CachedResult, Clear, Draw, FirstGroup, Fragment, Pass, Place, Program};
-pub(super) use pipelines::{InitPipelines, Pipelines};
+pub(super) use pipelines::Pipelines;
 pub(super) use run::run;
 pub(super) use slot::{BATCH, RaySet, Slot, batches};
 pub(crate) use view::PropView;

@@ -21,26 +21,22 @@ use bevy::{
 };
 
 use super::{
+    cache::Comparison,
     pass::{Blend, CachedResult, Clear, FirstGroup, Fragment, Pass, Program},
     slot::{DEPTH_FORMAT, Slot},
 };
 use crate::{
     gpu::{
-        FieldLayouts, Shaders, TreeShape,
+        Shaders, TreeShape, field_layout,
         pipelines::{self, STAGE},
     },
     render::uniforms::{FilterUniform, LabelsUniform, PropUniform, ScreenUniform, ViewUniform},
 };
 
-/// The systems in `RenderStartup` that create what pipelines have in common.
-#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
-pub(in crate::render) struct InitPipelines;
-
 /// The pipelines of all passes, created when a view first needs them.
 #[derive(Resource)]
 pub(in crate::render) struct Pipelines {
     shaders: Shaders,
-    fields: FieldLayouts,
     ids: HashMap<Key, CachedRenderPipelineId>,
     /// Since when custom stages have lacked something that they import, until that is logged.
     importing: HashMap<CachedRenderPipelineId, Option<Instant>>,
@@ -48,6 +44,8 @@ pub(in crate::render) struct Pipelines {
     pub waiting: HashSet<TreeShape>,
     /// The layout of bind group 0 for passes that read Bevy's lights.
     pub lights: Option<BindGroupLayoutDescriptor>,
+    /// Those that compare the scene with what it was, once a view has come to rest.
+    pub comparison: Option<Comparison>,
 }
 
 /// Everything that a pipeline is compiled for.
@@ -77,9 +75,9 @@ fn stage_name(shader: &Handle<Shader>) -> String {
 }
 
 impl Pipelines {
-    pub fn new(shaders: &Shaders, fields: &FieldLayouts) -> Self {
+    pub fn new(shaders: &Shaders, lights: Option<BindGroupLayoutDescriptor>) -> Self {
         let (ids, importing, waiting) = default();
-        Self { shaders: shaders.clone(), fields: fields.clone(), ids, importing, waiting, lights: None }
+        Self { shaders: shaders.clone(), ids, importing, waiting, lights, comparison: None }
     }
 
     /// Returns the pipeline of a program of a pass, if it is ready. Otherwise, it is compiled in the meantime.
@@ -225,7 +223,7 @@ impl Pipelines {
         let mut definitions = program.definitions.clone();
         let mut layout = vec![self.first_layout(key.group)];
         if let Some(tree) = program.tree {
-            layout.push(self.fields.0.clone());
+            layout.push(field_layout());
             definitions.extend(tree.definitions());
         }
         layout.extend(key.reads.iter().cloned());

@@ -17,7 +17,7 @@ use bevy::{
 use super::view::PropView;
 use super::{
     buffers::PaletteBuffer,
-    cache::{Cache, Comparison},
+    cache::Cache,
     pass::{CachedResult, Clear, FirstGroup, Pass, Place},
     pipelines::Pipelines,
     slot::Slot,
@@ -45,7 +45,6 @@ pub(in crate::render) fn run(
     view: ViewQuery<(&mut PropView, Others)>,
     cache: Res<PipelineCache>,
     pipelines: Res<Pipelines>,
-    comparison: Option<Res<Comparison>>,
     palettes: Res<PaletteBuffer>,
     mut ctx: RenderContext,
 ) {
@@ -58,7 +57,7 @@ pub(in crate::render) fn run(
         Frame { device: &device, cache: &cache, pipelines: &pipelines, palettes: &palettes, target, depth, prepass };
     view.is_drawn = true;
     let passes = std::mem::take(&mut view.passes);
-    compare(*place, &mut view, &frame, comparison.as_deref(), &mut ctx);
+    compare(*place, &mut view, &frame, &mut ctx);
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let here: Vec<_> = passes.iter().filter(|pass| pass.place == *place).collect();
@@ -78,10 +77,10 @@ pub(in crate::render) fn run(
 
 /// Compares the scene, and the light on props, with what they were in the last frame, if a result of this frame may be
 /// cached.
-fn compare(place: Place, view: &mut PropView, frame: &Frame, comparison: Option<&Comparison>, ctx: &mut RenderContext) {
+fn compare(place: Place, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext) {
     let PropView { plan, cached, textures, buffers, groups, .. } = view;
     let mut of = |cached: &mut Cache, result, scene| {
-        if let Some(comparison) = comparison {
+        if let Some(comparison) = &frame.pipelines.comparison {
             cached.compare(result, scene, plan, buffers, groups, comparison, frame.cache, ctx);
         }
     };

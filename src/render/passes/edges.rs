@@ -1,5 +1,5 @@
-//! Finds how much of each edge pixel a posterized prop covers, so that it can be blended with what is behind. This is
-//! not part of the method, whose edges are hard.
+//! Finds how much of each edge pixel a posterized prop covers, so that it can be blended with the background:
+//! section 4 of the method, step 6. The edges of the paper are hard.
 //!
 //! The *outline* pass finds the pixels at the edges of props, and the owners that may cover parts of them. The
 //! *coverage* pass finds these parts: from opacity where it says enough, and elsewhere with several rays through the

@@ -1,5 +1,5 @@
-//! Smooths the borders between labels inside props, draws [ink](crate::Ink), and smooths the edges of props. This is not
-//! part of the method.
+//! Smooths the borders between labels inside props (section 4 of the method, step 11), draws [ink](crate::Ink), and
+//! smooths the edges of props (step 6). None of this is in the paper.
 
 use super::labels::{lit, space, with_lights};
 use crate::render::{

@@ -11,7 +11,7 @@ use bevy::{
     },
     prelude::*,
     render::{
-        Render, RenderStartup,
+        Render,
         camera::ExtractedCamera,
         globals::{GlobalsBuffer, GlobalsUniform},
         render_asset::RenderAssets,
@@ -35,7 +35,7 @@ use crate::{
     lighting::PropLighting,
     render::{
         extract::{ExtractedProps, VisibleProps},
-        frame::{Clear, Draw, FirstGroup, InitPipelines, Pass, Pipelines, Place, Program, PropView, Slot},
+        frame::{Clear, Draw, FirstGroup, Pass, Pipelines, Place, Program, PropView, Slot},
         plan::{Feature, Plan},
         shades::{ShadedPalette, Shades},
         uniforms::LabelsUniform,
@@ -164,19 +164,20 @@ pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps, shad
 }
 
 pub(super) fn plugin(render_app: &mut SubApp) {
-    render_app.add_systems(RenderStartup, init.after(InitPipelines)).add_systems(
+    render_app.add_systems(
         Render,
         (
             find_lights
                 .before(PlenOctreeRenderSystems::PlanViews)
                 .in_set(bevy::render::RenderSystems::PrepareResources),
-            bind_lights.in_set(bevy::render::RenderSystems::PrepareBindGroups),
+            bind_lights.run_if(resource_exists::<LightMeta>).in_set(bevy::render::RenderSystems::PrepareBindGroups),
         ),
     );
 }
 
-/// What the shaders of lights and fog, and what they import from Bevy, read of its mesh view, at the same places.
-fn init(mut pipelines: ResMut<Pipelines>) {
+/// Returns the layout of what the shaders of lights and fog, and what they import from Bevy, read of its mesh view, at the
+/// same places.
+pub(in crate::render) fn lights_layout() -> BindGroupLayoutDescriptor {
     let [tonemapping_texture, tonemapping_sampler] = get_lut_bind_group_layout_entries();
     let lights = BindGroupLayoutEntries::with_indices(
         ShaderStages::FRAGMENT,
@@ -196,7 +197,7 @@ fn init(mut pipelines: ResMut<Pipelines>) {
             (TONEMAPPING_LUT_SAMPLER_BINDING_INDEX, tonemapping_sampler),
         ),
     );
-    pipelines.lights = Some(BindGroupLayoutDescriptor::new("plenoctree_lights", &lights));
+    BindGroupLayoutDescriptor::new("plenoctree_lights", &lights)
 }
 
 /// What decides how lights and fog are drawn in a view.
@@ -228,10 +229,10 @@ fn bind_lights(
     pipelines: Res<Pipelines>,
     view_uniforms: Res<ViewUniforms>,
     (meta, fogs, clusterable, samplers, globals): (
-        Option<Res<LightMeta>>,
-        Option<Res<FogMeta>>,
-        Option<Res<GlobalClusterableObjectMeta>>,
-        Option<Res<ShadowSamplers>>,
+        Res<LightMeta>,
+        Res<FogMeta>,
+        Res<GlobalClusterableObjectMeta>,
+        Res<ShadowSamplers>,
         Res<GlobalsBuffer>,
     ),
     (images, luts, fallback): (Res<RenderAssets<GpuImage>>, Option<Res<TonemappingLuts>>, Res<FallbackImage>),
@@ -242,16 +243,16 @@ fn bind_lights(
         let (texture, sampler) = get_lut_bindings(&images, luts.as_ref()?, tonemapping, &fallback);
         let entries = BindGroupEntries::with_indices((
             (0, view_uniforms.uniforms.binding()?),
-            (1, meta.as_ref()?.view_gpu_lights.binding()?),
+            (1, meta.view_gpu_lights.binding()?),
             (2, &maps.point_light_depth_texture_view),
-            (3, &samplers.as_ref()?.point_light_comparison_sampler),
+            (3, &samplers.point_light_comparison_sampler),
             (5, &maps.directional_light_depth_texture_view),
-            (6, &samplers.as_ref()?.directional_light_comparison_sampler),
-            (8, clusterable.as_ref()?.gpu_clustered_lights.binding()?),
+            (6, &samplers.directional_light_comparison_sampler),
+            (8, clusterable.gpu_clustered_lights.binding()?),
             (9, clusters.clusterable_object_index_lists_binding()?),
             (10, clusters.offsets_and_counts_binding()?),
             (11, globals.buffer.binding()?),
-            (13, fog.and(fogs.as_ref()?.gpu_fogs.binding()).or(no_fog.binding())?),
+            (13, fog.and(fogs.gpu_fogs.binding()).or(no_fog.binding())?),
             (TONEMAPPING_LUT_TEXTURE_BINDING_INDEX, texture),
             (TONEMAPPING_LUT_SAMPLER_BINDING_INDEX, sampler),
         ));

@@ -15,7 +15,7 @@ mod tests;
 mod volume;
 
 #[cfg(feature = "shadows")]
-pub(super) use lighting::lit_props;
+pub(super) use lighting::{lights_layout, lit_props};
 pub(super) use objects::draw_objects;
 pub(super) use volume::request;
 

@@ -33,8 +33,9 @@ pub(in crate::render) fn look_ahead(
         has_motion: in_scene && visible.has_motion,
         ..default()
     };
+    let shown: HashSet<_> = extracted.props.iter().map(|prop| prop.field).collect();
     let shapes = fields.iter().filter_map(|(id, field)| {
-        let unseen = || field.level(Level::default()).filter(|_| extracted.props.iter().all(|prop| prop.field != id));
+        let unseen = || field.level(Level::default()).filter(|_| !shown.contains(&id));
         field.arriving_shape().or_else(|| Some(unseen()?.shape))
     });
     let looks: HashSet<_> = props().map(|prop| (in_scene && prop.is_lit(), prop.recolor.is_some())).collect();
