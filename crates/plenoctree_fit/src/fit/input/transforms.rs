@@ -15,8 +15,9 @@ use super::{
     view::{CameraMaker, View},
 };
 use crate::{
+    file::without_mark,
     fit::error::FitError,
-    transforms::{Intrinsics, WrongValue, pose, without_mark},
+    transforms::{Intrinsics, WrongValue, pose},
 };
 
 /// Extensions that the file names of pictures may lack, as in NeRF-synthetic.
