@@ -358,7 +358,7 @@ mod tests {
         let back = DVec3::new(0.4, 0.7, 0.9).normalize();
         let right = DVec3::Y.cross(back).normalize();
         let rotation = DMat3::from_cols(right, back.cross(right), back);
-        let camera = ViewCamera::new(SIZE, SIZE, lens, rotation, 3.0 * back).unwrap();
+        let camera = ViewCamera::undistorted(SIZE, SIZE, lens, rotation, 3.0 * back);
         let pixels = (0..SIZE * SIZE)
             .map(|_| {
                 let a = random.unit();
