@@ -362,7 +362,7 @@ mod tests {
             change(&mut camera);
             View { name: "a".into(), picture: "a.png".into(), mask: None, camera }
         };
-        let input = |view| FitInput { views: vec![view], points: vec![], missing: vec![] };
+        let input = |view| FitInput { views: vec![view], ..FitInput::default() };
         let same = || input(view(&|_| ()));
         let moved = input(View { picture: "elsewhere/a.png".into(), ..view(&|_| ()) });
         assert_eq!([key(&same(), &settings), key(&moved, &settings)], [key(&same(), &settings); 2]);

@@ -13,8 +13,10 @@ pub struct FitInput {
     pub views: Vec<View>,
     /// Points on the surfaces of the scene. Empty if none are known.
     pub points: Vec<DVec3>,
-    /// The pictures that a `transforms.json` lists and that are not there. They are left out of `views`.
+    /// The pictures that the input lists and that are not there. They are left out of `views`.
     pub missing: Vec<PathBuf>,
+    /// What else users should know about the input, such as models that are left out: a sentence each, for a warning.
+    pub notes: Vec<String>,
 }
 
 /// The folders of pictures and masks, if they are not in the usual places.

@@ -64,7 +64,8 @@ impl Directions {
 pub struct CameraMaker(Vec<(u32, u32, Lens, Arc<Directions>)>);
 
 impl CameraMaker {
-    /// Creates a camera, like [`ViewCamera::new`].
+    /// Creates a camera. Returns the point of the picture for which there is no direction if the lens is not defined
+    /// there.
     pub fn camera(
         &mut self,
         width: u32,
@@ -91,25 +92,14 @@ impl CameraMaker {
 }
 
 impl ViewCamera {
-    /// Creates a camera. Returns the point of the picture for which there is no direction if the lens is not defined
-    /// there.
-    pub fn new(width: u32, height: u32, lens: Lens, rotation: DMat3, position: DVec3) -> Result<Self, DVec2> {
-        CameraMaker::default().camera(width, height, lens, rotation, position)
-    }
-
     /// Creates a camera with this lens, but without distortion.
     pub(in crate::fit) fn undistorted(width: u32, height: u32, lens: Lens, rotation: DMat3, position: DVec3) -> Self {
         let lens = Lens { distortion: Distortion::None, ..lens };
         Self { width, height, lens, rotation, position, directions: None }
     }
 
-    /// Returns the camera for a picture downscaled by `factor` (0 counts as 1). Incomplete pixels at the edges are cut
-    /// off.
-    pub fn downscaled(&self, factor: u32) -> Result<Self, DVec2> {
-        self.downscaled_by(&mut CameraMaker::default(), factor)
-    }
-
-    /// The same, with a lens that cameras share.
+    /// Returns the camera for a picture downscaled by `factor` (0 counts as 1), with a lens that cameras share.
+    /// Incomplete pixels at the edges are cut off.
     pub(in crate::fit) fn downscaled_by(&self, maker: &mut CameraMaker, factor: u32) -> Result<Self, DVec2> {
         let factor = factor.max(1);
         let (width, height) = ((self.width / factor).max(1), (self.height / factor).max(1));
@@ -186,7 +176,8 @@ mod tests {
                 let large = f64::from(scale);
                 let center = large * DVec2::new(203.0, 147.0);
                 let lens = Lens { focal: DVec2::splat(large * 300.0), center, distortion };
-                let camera = ViewCamera::new(402 * scale, 301 * scale, lens, DMat3::IDENTITY, DVec3::ZERO).unwrap();
+                let maker = &mut CameraMaker::default();
+                let camera = maker.camera(402 * scale, 301 * scale, lens, DMat3::IDENTITY, DVec3::ZERO).unwrap();
                 for at in [(0.5, 0.5), (13.2, 200.9), (401.5, 300.5), (203.0, 147.0), (399.0, 1.5), (222.5, 299.9)] {
                     let at = large * DVec2::from(at);
                     let (back, _) = camera.project(camera.direction(at)).unwrap();
