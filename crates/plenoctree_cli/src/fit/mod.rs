@@ -49,7 +49,8 @@ pub fn run(arguments: &Arguments) -> Result {
     warn_of_input(&arguments.input, &input);
     let test = arguments.test.as_deref().map(|path| FitInput::read(path, &folders)).transpose()?;
     let views = input.views.iter().chain(test.iter().flat_map(|test| &test.views));
-    let pictures = views.flat_map(|view| [&view.picture].into_iter().chain(&view.mask));
+    let ignored = input.ignored.iter().chain(test.iter().flat_map(|test| &test.ignored));
+    let pictures = views.flat_map(|view| [&view.picture].into_iter().chain(&view.mask)).chain(ignored);
     output::check_outside_previews(&arguments.out, pictures.map(PathBuf::as_path))?;
     if let (Some(path), Some(test)) = (&arguments.test, &test) {
         warn_of_input(path, test);

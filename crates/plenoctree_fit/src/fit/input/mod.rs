@@ -10,6 +10,7 @@ mod view;
 use std::{
     fs,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use super::error::FitError;
@@ -74,8 +75,12 @@ impl FitInput {
                 view.mask = Some(mask_in(folder, &view.name, &view.picture)?);
             }
         }
+        if let Some(path) = &input.ignored {
+            let mask = Arc::new(picture::read_mask(path)?);
+            input.views.iter_mut().for_each(|view| view.camera.set_known(mask.clone()));
+        }
         for view in &input.views {
-            if let Some(mask) = &view.mask {
+            for mask in view.mask.iter().chain(&input.ignored) {
                 let (size, expected) = (picture::size(mask)?, (view.camera.width, view.camera.height));
                 if size != expected {
                     let [found, expected] = [size, expected].map(|(w, h)| format!("{w}x{h} pixels"));

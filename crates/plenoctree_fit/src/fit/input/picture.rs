@@ -81,7 +81,7 @@ impl Picture {
 }
 
 /// Reads a mask: 255 shows the object.
-fn read_mask(path: &Path) -> Result<GrayImage, FitError> {
+pub fn read_mask(path: &Path) -> Result<GrayImage, FitError> {
     let image = decode(path)?;
     if image.color().has_alpha() {
         let rgba = image.to_rgba8();

@@ -97,7 +97,19 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
             None => notes.push(format!("ply_file_path: no file {name}, so the points of the scene are not known")),
         }
     }
-    Ok(FitInput { views, points, missing, notes })
+    // nerfstudio writes the same mask to every frame, for parts of a lens or of a rig. Masks of objects differ.
+    let mut ignored = None;
+    let mut masks = file.frames.iter().map(|frame| frame.mask_path.as_ref());
+    if let Some(Some(first)) = masks.next()
+        && file.frames.len() > 1
+        && masks.all(|mask| mask == Some(first))
+    {
+        notes.push(format!("all frames have the mask {first}, so what is black in it is ignored"));
+        for view in &mut views {
+            ignored = view.mask.take().or(ignored);
+        }
+    }
+    Ok(FitInput { views, points, missing, ignored, notes })
 }
 
 /// Returns the folder of the file.

@@ -185,7 +185,8 @@ fn render_tile<const B: usize>(scene: &Scene, tile: Tile, mut random: Random, sc
     }
     let middle_distance = (grid.cube().distance(view.camera.position) / grid.cell_size()) as f32;
     let mut ends = [(0usize, 0.0f32); (TILE * TILE) as usize];
-    let pixels = || (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y)));
+    let all = || (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y)));
+    let pixels = || all().filter(|(x, y)| view.camera.knows(*x, *y));
     for ((x, y), end) in pixels().zip(&mut ends) {
         let direction = view.camera.direction(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
         let ray = grid.ray(view.camera.position, direction);
