@@ -93,7 +93,7 @@ fn opaque_pictures_are_fitted() {
     assert!((dark / bright - 0.8).abs() < 0.05, "{dark} {bright}");
 }
 
-/// Writes the pictures with noise in their left quarter, and frames that all name one mask, which is black there.
+/// Writes the pictures with noise in their left quarter, transparent if they have opacity, and frames that all name one mask, which is black there.
 fn photographed_with_mask(test: &str, background: Option<scene::Background>) -> PathBuf {
     let (folder, cameras) = (folder(test), cameras(32));
     write_pictures(&folder, &cameras, background, |_| 1.0);
@@ -103,7 +103,8 @@ fn photographed_with_mask(test: &str, background: Option<scene::Background>) -> 
         let mut picture = image::open(&path).unwrap().into_rgba8();
         for (x, y, pixel) in picture.enumerate_pixels_mut().filter(|(x, ..)| *x < 10) {
             let noise = ((7 * x + 13 * y + 29 * index) % 256) as u8;
-            *pixel = image::Rgba([noise, 255 - noise, index as u8, 255]);
+            let opacity = if background.is_some() { 255 } else { 0 };
+            *pixel = image::Rgba([noise, 255 - noise, index as u8, opacity]);
         }
         picture.save(path).unwrap();
     }
