@@ -61,6 +61,8 @@ pub enum CaptureFile<'a> {
     Bytes(&'a [u8]),
     /// A PLY file with these properties, and data.
     Ply { big_endian: bool, count: u16, properties: Vec<u8>, data: &'a [u8] },
+    /// A compressed PLY file with these numbers of rows, and data.
+    PackedPly { chunks: u8, count: u16, harmonics: u8, data: &'a [u8] },
     /// The content of an SPZ file before it is compressed.
     Spz { version: u8, count: u16, degree: u8, planes: &'a [u8] },
     /// The chunks of a `.glb` file.
@@ -102,6 +104,21 @@ impl CaptureFile<'_> {
                 }
                 let names: String = names.iter().map(|name| format!("property {name}\n")).collect();
                 let header = format!("ply\nformat {format} 1.0\nelement vertex {count}\n{names}end_header\n");
+                [header.as_bytes(), data].concat()
+            }
+            Self::PackedPly { chunks, count, harmonics, data } => {
+                let names = ["x", "y", "z", "scale_x", "scale_y", "scale_z", "r", "g", "b"];
+                let end = |end: &str| -> String {
+                    names.iter().map(|name| format!("property float {end}_{name}\n")).collect()
+                };
+                let ends = end("min") + &end("max");
+                let packed = ["position", "rotation", "scale", "color"];
+                let packed: String = packed.iter().map(|name| format!("property uint packed_{name}\n")).collect();
+                let rest: String = (0..*harmonics).map(|index| format!("property uchar f_rest_{index}\n")).collect();
+                let header = format!(
+                    "ply\nformat binary_little_endian 1.0\nelement chunk {chunks}\n{ends}element vertex \
+                     {count}\n{packed}element sh {count}\n{rest}end_header\n"
+                );
                 [header.as_bytes(), data].concat()
             }
             Self::Spz { version, count, degree, planes } => {

@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use super::progress::FilesRead;
 use crate::background::{self, on_cores};
 
-/// Loads captures of Gaussian splats as [`PlenOctree`] assets: `.ply`, `.spz` and `.sog` files, and others whose
+/// Loads captures of Gaussian splats as [`PlenOctree`] assets: `.ply`, `.spz`, `.sog` and `.splat` files, and others whose
 /// `.meta` file names this loader, such as glTF with `KHR_gaussian_splatting`, or the `meta.json` file of SOG.
 ///
 /// The Gaussians are added up in the cells of a field, in the background. That takes seconds, and fields of captures
@@ -70,8 +70,8 @@ pub struct CaptureSettings {
     /// [`Axis::NegativeY`] by default. With `None`, the field keeps the coordinates of the capture.
     pub stand: Option<Axis>,
     /// The axes of an SPZ file that does not record them. With [`SpzAxes::Unknown`], the default,
-    /// [`SpzAxes::RightUpBack`], with a warning: splat-transform 3 writes [`SpzAxes::RightDownFront`], and such a file
-    /// comes out upside down.
+    /// [`SpzAxes::RightUpBack`], with a warning: splat-transform 3, SuperSplat and Niantic's `ply_to_spz` write
+    /// [`SpzAxes::RightDownFront`], and such a file comes out upside down.
     pub spz_axes: SpzAxes,
 }
 
@@ -138,7 +138,7 @@ impl AssetLoader for CaptureLoader {
     }
 
     fn extensions(&self) -> &[&str] {
-        &["ply", "spz", "sog"]
+        &["ply", "spz", "sog", "splat"]
     }
 }
 
@@ -188,11 +188,16 @@ fn convert(
     if let Some(name) = unread {
         return Err(Unread(name));
     }
-    if settings.spz_axes == SpzAxes::Unknown && Splats::assumes_axes(bytes) {
-        warn!(
-            "{file} does not record its axes; if it is upside down, as files of splat-transform 3 are, load it with \
-             `spz_axes: RightDownFront` (`RightUpBack` silences this)"
-        );
-    }
-    Ok(splats.and_then(|splats| settings.field(splats)))
+    Ok(splats.and_then(|splats| {
+        if splats.assumes_axes() {
+            warn!(
+                "{file} does not record its axes; if it is upside down, as files of splat-transform 3, SuperSplat and \
+                 Niantic's ply_to_spz are, load it with `spz_axes: RightDownFront` (`RightUpBack` silences this)"
+            );
+        }
+        if let Some(up) = splats.up().filter(|up| settings.stand == Some(Axis::default()) && *up != Axis::default()) {
+            warn!("{file} says that {up} is up; load it with `stand: Some({up:?})`, or it lies on its side");
+        }
+        settings.field(splats)
+    }))
 }

@@ -1,6 +1,6 @@
 //! Reads captures.
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use clap::{Args, ValueEnum};
 use plenoctree_fit::splat::{SplatSettings, Splats, SpzAxes};
@@ -20,13 +20,16 @@ pub struct CaptureArguments {
 enum Axes {
     /// Right, up and back, as the format specifies.
     Rub,
-    /// Right, down and front, as splat-transform 3 writes them.
+    /// Right, down and front, as splat-transform 3, SuperSplat and Niantic's ply_to_spz write them.
     Rdf,
 }
 
 /// Returns an error for the file of a capture, where something else is expected.
 pub fn refuse(path: &Path) -> Result {
-    if ["ply", "spz", "sog"].iter().any(|capture| path.extension().is_some_and(|extension| extension == *capture)) {
+    if ["ply", "spz", "sog", "splat"]
+        .iter()
+        .any(|capture| path.extension().is_some_and(|extension| extension == *capture))
+    {
         return Err(format!("{}: found a capture of Gaussian splats; use `plenoctree convert`", path.display()).into());
     }
     Ok(())
@@ -43,10 +46,10 @@ pub fn load(path: &Path, arguments: CaptureArguments, quiet: bool) -> Result<Spl
     };
     let splats = Splats::read(path, &SplatSettings { spz_axes })?;
     spinner.finish_and_clear();
-    if arguments.spz_axes.is_none() && fs::read(path).is_ok_and(|bytes| Splats::assumes_axes(&bytes)) {
+    if splats.assumes_axes() {
         console::complain!(
-            "warning: {}: does not record its axes; if it is upside down, as files of splat-transform 3 are, add \
-             --spz-axes rdf (--spz-axes rub silences this)",
+            "warning: {}: does not record its axes; if it is upside down, as files of splat-transform 3, SuperSplat \
+             and Niantic's ply_to_spz are, add --spz-axes rdf (--spz-axes rub silences this)",
             path.display()
         );
     }

@@ -180,6 +180,16 @@ fn captures_become_props_that_stand() {
     succeed(&packing);
     assert!(PlenOctree::read(&packed, &LoadSettings::default()).unwrap().codebook().is_some());
 
+    // The file may say which direction is up.
+    let content = fs::read_to_string(&capture).unwrap();
+    fs::write(&capture, content.replacen("ascii 1.0\n", "ascii 1.0\ncomment Vertical Axis: z\n", 1)).unwrap();
+    let standing = [&shared[..], &["--no-refine", "--stand"]].concat();
+    let printed = succeed(&standing);
+    let up = || -> Vec<f64> { serde_json::from_value(report()["from_capture"][2].clone()).unwrap() };
+    assert!(printed.contains("z is up, as the file says") && up()[..3] == [0.0, 0.0, 1.0], "{printed} {:?}", up());
+    let printed = succeed(&[&standing[..], &["--up", "-y"]].concat());
+    assert!(!printed.contains("is up") && up()[1] < -0.999, "{printed} {:?}", up());
+
     let message = fail(&["convert", &cameras(&folder), "--out", text(&out)]);
     assert!(message.contains("cameras.json: JSON: found neither `means` nor `asset`"), "{message}");
     let message = fail(&[&shared[..], &["--crop", "7,7,7,8,8,8"]].concat());

@@ -43,6 +43,8 @@ mod cells;
 #[cfg(any(feature = "fit", feature = "splat"))]
 mod exponential;
 #[cfg(any(feature = "fit", feature = "splat"))]
+mod file;
+#[cfg(any(feature = "fit", feature = "splat"))]
 mod finest;
 #[cfg(feature = "fit")]
 mod fit;

@@ -11,6 +11,8 @@ use plenoctree::camera::PinholeCamera;
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
+use crate::file::without_mark;
+
 /// An error that occurs when reading a camera file.
 #[derive(Debug, thiserror::Error)]
 pub enum CameraError {
@@ -58,11 +60,6 @@ pub(crate) struct Intrinsics {
     cy: Option<f64>,
     camera_angle_x: Option<f64>,
     camera_angle_y: Option<f64>,
-}
-
-/// Returns the text of a file without the byte order mark that some editors write.
-pub(crate) fn without_mark(text: &[u8]) -> &[u8] {
-    text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text)
 }
 
 impl Intrinsics {

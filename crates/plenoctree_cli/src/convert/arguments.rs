@@ -11,7 +11,7 @@ use crate::{boxes::parse_box, capture::CaptureArguments, extraction::ExtractionA
 /// Convert a capture of Gaussian splats to a field, and extract its palette.
 #[derive(Args)]
 pub struct Arguments {
-    /// A capture: .ply, .spz, .sog, the meta.json of SOG or its folder, .glb or .gltf.
+    /// A capture: .ply, .spz, .sog, the meta.json of SOG or its folder, .splat, .glb or .gltf.
     pub capture: PathBuf,
     /// The field to write; packed if the name ends in .plenoctree. Its palette, views and report.json are written next
     /// to it.
@@ -60,9 +60,9 @@ pub struct Arguments {
     /// capture.
     #[arg(long)]
     pub stand: bool,
-    /// With --stand, the direction that is up in the capture.
-    #[arg(long, value_enum, default_value_t = Up::NegativeY, allow_hyphen_values = true, requires = "stand")]
-    pub up: Up,
+    /// With --stand, the direction that is up in the capture. By default, what the file says, or else -y.
+    #[arg(long, value_enum, allow_hyphen_values = true, requires = "stand")]
+    pub up: Option<Up>,
     /// The seed of the random numbers.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,

@@ -18,6 +18,7 @@ use plenoctree_fit::{
 use serde_json::json;
 
 use self::{
+    arguments::Up,
     cameras::Cameras,
     measure::{Pictures, Standard},
 };
@@ -43,10 +44,13 @@ pub fn run(arguments: &Arguments) -> Result {
     let start = Instant::now();
     let splats = capture::load(path, arguments.reading, false)?;
     let all = splats.len();
+    if let (true, None, Some(up)) = (arguments.stand, arguments.up, splats.up()) {
+        console::say!("{}: {up} is up, as the file says; --up chooses another direction", path.display());
+    }
     let settings = SubjectSettings {
         crop: arguments.crop,
         keep_largest: arguments.keep_largest,
-        up: arguments.stand.then(|| arguments.up.axis()),
+        up: arguments.stand.then(|| arguments.up.map_or_else(|| splats.up().unwrap_or_default(), Up::axis)),
     };
     let Subject { splats, low, high, turn } = splats.subject(&settings).map_err(|error| named(&error))?;
     console::say!(

@@ -46,13 +46,14 @@ pub fn run(arguments: &Arguments) -> Result {
         None => arguments.input.clone(),
     };
     let input = FitInput::read(&pictures, &folders)?;
-    warn_of_missing(&arguments.input, &input);
+    warn_of_input(&arguments.input, &input);
     let test = arguments.test.as_deref().map(|path| FitInput::read(path, &folders)).transpose()?;
     let views = input.views.iter().chain(test.iter().flat_map(|test| &test.views));
-    let pictures = views.flat_map(|view| [&view.picture].into_iter().chain(&view.mask));
+    let ignored = input.ignored.iter().chain(test.iter().flat_map(|test| &test.ignored));
+    let pictures = views.flat_map(|view| [&view.picture].into_iter().chain(&view.mask)).chain(ignored);
     output::check_outside_previews(&arguments.out, pictures.map(PathBuf::as_path))?;
     if let (Some(path), Some(test)) = (&arguments.test, &test) {
-        warn_of_missing(path, test);
+        warn_of_input(path, test);
     }
     let held_out: Vec<&str> = match &test {
         Some(test) => test.views.iter().map(|view| view.name.as_str()).collect(),
@@ -108,8 +109,11 @@ fn compared<'a>(views: impl Iterator<Item = &'a View>, arguments: &Arguments, do
     })
 }
 
-/// Warns, once, of pictures that are not there.
-fn warn_of_missing(path: &Path, input: &FitInput) {
+/// Warns of pictures that are not there, once, and of what else users should know.
+fn warn_of_input(path: &Path, input: &FitInput) {
+    for note in &input.notes {
+        console::complain!("warning: {}: {note}", path.display());
+    }
     if let Some(first) = input.missing.first() {
         let (missing, all) = (input.missing.len(), input.missing.len() + input.views.len());
         console::complain!(

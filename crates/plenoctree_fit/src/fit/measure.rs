@@ -31,7 +31,8 @@ pub struct Comparison {
     pub aligned_psnr: f64,
 }
 
-/// Renders the field, as it is written to files, with the reference's march in float64, and compares.
+/// Renders the field, as it is written to files, with the reference's march in float64, and compares. What is not known
+/// is black in both.
 pub fn compare(
     field: &PlenOctree,
     backdrop: &Backdrop,
@@ -43,7 +44,11 @@ pub fn compare(
     let (rendered, photographed): (Vec<DVec3>, Vec<DVec3>) = (0..width * height)
         .into_par_iter()
         .map(|pixel| {
-            let direction = camera.direction(DVec2::new((pixel % width).into(), (pixel / width).into()) + 0.5);
+            let (x, y) = (pixel % width, pixel / width);
+            if !camera.knows(x, y) {
+                return (DVec3::ZERO, DVec3::ZERO);
+            }
+            let direction = camera.direction(DVec2::new(x.into(), y.into()) + 0.5);
             let (seen, opacity) = field.render_ray(camera.position, direction);
             let behind = backdrop.color(direction, Vec3::ONE).as_dvec3();
             let [r, g, b, a] = picture.pixels[pixel as usize].map(|byte| f64::from(byte) / 255.0);
@@ -51,7 +56,8 @@ pub fn compare(
         })
         .unzip();
     let squared: f64 = rendered.iter().zip(&photographed).map(|(a, b)| a.distance_squared(*b)).sum();
-    let count = 3.0 * rendered.len() as f64;
+    let known = (0..width * height).filter(|pixel| camera.knows(pixel % width, pixel / width)).count();
+    let count = 3.0 * known.max(1) as f64;
     let gain: DVec3 = {
         let product: DVec3 = rendered.iter().zip(&photographed).map(|(a, b)| *a * *b).sum();
         let square: DVec3 = rendered.iter().map(|a| *a * *a).sum();
@@ -82,7 +88,7 @@ pub fn quick_psnr(grid: &Grid, backdrop: &Backdrop, views: &[TrainView]) -> Opti
         let camera = &view.camera;
         let (mut squared, mut count) = (0.0, 0.0);
         for y in (STRIDE / 2..camera.height).step_by(STRIDE as usize) {
-            for x in (STRIDE / 2..camera.width).step_by(STRIDE as usize) {
+            for x in (STRIDE / 2..camera.width).step_by(STRIDE as usize).filter(|x| camera.knows(*x, y)) {
                 let direction = camera.direction(DVec2::new(x.into(), y.into()) + 0.5);
                 let behind = backdrop.color(direction, Vec3::ONE);
                 let (seen, transmittance) = render_ray(grid, camera.position, direction);

@@ -258,7 +258,11 @@ impl Grid {
         Self::of_field(field, largest).ok_or_else(|| FitError::Setting {
             setting: "field",
             found: format!("{} leaves at depth {}, {}", field.leaves(), field.depth(), field.basis().name()),
-            expected: "a cube of 6 to 10 levels, without much larger leaves, a sigmoid of SH1, SH4, SH9 or SH16",
+            expected: if largest > Voxel::LARGEST {
+                "a cube of at most 10 levels, leaves at most 32 finest cells wide, a sigmoid of SH1, SH4, SH9 or SH16"
+            } else {
+                "a cube of 6 to 10 levels, leaves at most 4 finest cells wide, a sigmoid of SH1, SH4, SH9 or SH16"
+            },
         })
     }
 

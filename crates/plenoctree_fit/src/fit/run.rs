@@ -93,7 +93,7 @@ pub fn fit(
     let (mut transparent, mut color, mut weight) = (0, DVec3::ZERO, 0.0);
     gallery.each(|view| {
         transparent += usize::from(view.picture.knows_opacity);
-        let (sum, count) = border(&view.picture);
+        let (sum, count) = border(view);
         color += sum;
         weight += count;
     })?;
@@ -253,9 +253,10 @@ fn key(input: &FitInput, settings: &FitSettings) -> u64 {
     let mut hasher = DefaultHasher::new();
     for view in &input.views {
         // Folders may move, so paths do not count.
-        let View { name, mask, camera: ViewCamera { width, height, lens, rotation, position, .. }, .. } = view;
-        let is_masked = mask.is_some();
-        format!("{name:?} {is_masked} {width} {height} {lens:?} {rotation:?} {position:?}").hash(&mut hasher);
+        let View { name, mask, camera, .. } = view;
+        let ViewCamera { width, height, lens, rotation, position, .. } = camera;
+        let is_masked = [mask.is_some(), camera.is_masked()];
+        format!("{name:?} {is_masked:?} {width} {height} {lens:?} {rotation:?} {position:?}").hash(&mut hasher);
     }
     input.points.iter().for_each(|point| point.to_array().map(f64::to_bits).hash(&mut hasher));
     let FitSettings { leaves, depth, basis, downscale, bounds, background, hold_out, stand, .. } = settings;
@@ -301,14 +302,14 @@ fn load_some(views: &[View], settings: &FitSettings) -> Result<Vec<TrainView>, F
     Ok(some)
 }
 
-/// Returns the sum and the number of the colors on the border of a picture.
-fn border(picture: &Picture) -> (DVec3, f64) {
-    let (width, height) = (picture.width as usize, picture.height as usize);
-    let on_border = |index: usize| {
+/// Returns the sum and the number of the known colors on the border of a picture.
+fn border(TrainView { picture, camera, .. }: &TrainView) -> (DVec3, f64) {
+    let (width, height) = (picture.width, picture.height);
+    let on_border = |index: u32| {
         let (x, y) = (index % width, index / width);
-        x == 0 || y == 0 || x + 1 == width || y + 1 == height
+        (x == 0 || y == 0 || x + 1 == width || y + 1 == height) && camera.knows(x, y)
     };
-    let pixels = picture.pixels.iter().enumerate().filter(|(index, _)| on_border(*index));
+    let pixels = (0..).zip(&picture.pixels).filter(|(index, _)| on_border(*index));
     pixels.fold((DVec3::ZERO, 0.0), |(sum, count), (_, [r, g, b, _])| {
         (sum + DVec3::new((*r).into(), (*g).into(), (*b).into()) / 255.0, count + 1.0)
     })
@@ -362,7 +363,7 @@ mod tests {
             change(&mut camera);
             View { name: "a".into(), picture: "a.png".into(), mask: None, camera }
         };
-        let input = |view| FitInput { views: vec![view], points: vec![], missing: vec![] };
+        let input = |view| FitInput { views: vec![view], ..FitInput::default() };
         let same = || input(view(&|_| ()));
         let moved = input(View { picture: "elsewhere/a.png".into(), ..view(&|_| ()) });
         assert_eq!([key(&same(), &settings), key(&moved, &settings)], [key(&same(), &settings); 2]);

@@ -206,7 +206,7 @@ impl Votes {
 /// or else than a quarter of the distance to the focus.
 fn nearest(camera: &ViewCamera, points: &[DVec3], focus: DVec3) -> f64 {
     let step = points.len().div_ceil(MOST_POINTS).max(1);
-    let in_view = points.iter().step_by(step).filter(|point| camera.project(**point).is_some());
+    let in_view = points.iter().step_by(step).filter(|point| camera.sees(**point).is_some());
     let mut known: Vec<f64> = in_view.map(|point| camera.position.distance(*point)).collect();
     if known.len() >= FEWEST_POINTS {
         known.sort_unstable_by(f64::total_cmp);
@@ -230,14 +230,14 @@ fn look(gallery: &mut Gallery, cube: Cube, knows_opacity: bool) -> Result<Votes,
     let mut counts = vec![[0; 2]; RESOLUTION.pow(3) as usize];
     let tolerated = tolerated(gallery.len() as u32);
     let mut ask = |view: &TrainView| {
-        let opaque = knows_opacity.then(|| Counts::of(&view.picture));
+        let opaque = knows_opacity.then(|| Counts::of(view));
         let focal = view.camera.lens.focal.max_element();
         counts.par_iter_mut().enumerate().with_min_len(4096).for_each(|(index, [seen, empty])| {
             if *empty > tolerated {
                 return;
             }
             let center = grid.center(Voxel::cell(position(index as u32)));
-            if let Some((point, depth)) = view.camera.project(center) {
+            if let Some((point, depth)) = view.camera.sees(center) {
                 *seen += 1;
                 // The whole voxel, and a pixel more.
                 let radius = 0.87 * grid.cell_size() * focal / depth.max(1e-9) + 1.0;
@@ -265,14 +265,16 @@ struct Counts {
 }
 
 impl Counts {
-    fn of(picture: &Picture) -> Self {
+    /// Counts the pixels of a view. What is not known may show something.
+    fn of(TrainView { picture, camera, .. }: &TrainView) -> Self {
         let (width, height) = (picture.width as usize, picture.height as usize);
         let columns = width + 1;
         let mut sums = vec![0; columns * (height + 1)];
         for y in 0..height {
             let mut row = 0;
             for x in 0..width {
-                row += u32::from(picture.pixels[y * width + x][3] >= CLEAR);
+                let shows = picture.pixels[y * width + x][3] >= CLEAR || !camera.knows(x as u32, y as u32);
+                row += u32::from(shows);
                 sums[(y + 1) * columns + x + 1] = sums[y * columns + x + 1] + row;
             }
         }

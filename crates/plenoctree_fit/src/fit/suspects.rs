@@ -58,7 +58,7 @@ fn psnr(model: &Model, view: &TrainView) -> Option<f64> {
     let stride = (f64::from(camera.width) * f64::from(camera.height) / PIXELS).sqrt().ceil().max(1.0) as u32;
     let row = |y: u32| {
         let (mut squared, mut count, mut sees) = (0.0, 0.0, false);
-        for x in (stride / 2..camera.width).step_by(stride as usize) {
+        for x in (stride / 2..camera.width).step_by(stride as usize).filter(|x| camera.knows(*x, y)) {
             let direction = camera.direction(DVec2::new(x.into(), y.into()) + 0.5);
             let (seen, transmittance) = render_ray(&model.grid, camera.position, direction);
             let [r, g, b, a] = view.picture.pixel(x, y);

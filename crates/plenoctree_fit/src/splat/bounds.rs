@@ -67,7 +67,7 @@ impl Splats {
 
     /// Returns the capture without the Gaussians whose centers are outside a box.
     pub fn cropped(&self, low: DVec3, high: DVec3) -> Self {
-        self.filtered(|_, gaussian| {
+        self.filtered(|gaussian| {
             let at = gaussian.position.as_dvec3();
             at.cmpge(low).all() && at.cmple(high).all()
         })
@@ -122,7 +122,7 @@ impl Splats {
         for &cell in &largest.1 {
             around(cell).for_each(|neighbor| kept[neighbor] = true);
         }
-        self.filtered(|_, gaussian| cell_of(gaussian.position.as_dvec3()).is_some_and(|cell| kept[cell]))
+        self.filtered(|gaussian| cell_of(gaussian.position.as_dvec3()).is_some_and(|cell| kept[cell]))
     }
 }
 

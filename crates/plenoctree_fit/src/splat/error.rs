@@ -4,6 +4,8 @@ use std::io;
 
 use plenoctree::InvalidField;
 
+use crate::file::{Fault, printable};
+
 /// An error that occurs when reading a capture or converting it to a field.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -49,36 +51,10 @@ pub enum SplatError {
     Field(#[from] InvalidField),
 }
 
-/// An error in the content of a file, before the name of the file is known.
-#[derive(Debug)]
-pub(super) enum Fault {
-    Io(io::Error),
-    Found { what: String, found: String, expected: String },
-}
-
 impl Fault {
-    pub fn found(what: impl Into<String>, found: impl Into<String>, expected: impl Into<String>) -> Self {
-        Self::Found { what: printable(&what.into()), found: printable(&found.into()), expected: expected.into() }
-    }
-
     /// Adds the name of the file.
-    pub fn of(self, file: &str) -> SplatError {
-        let file = printable(file);
-        match self {
-            Self::Io(source) => SplatError::Io { file, source },
-            Self::Found { what, found, expected } => SplatError::Found { file, what, found, expected },
-        }
+    pub(super) fn of(self, file: &str) -> SplatError {
+        let Self { what, found, expected } = self;
+        SplatError::Found { file: printable(file), what, found, expected }
     }
-}
-
-impl From<io::Error> for Fault {
-    fn from(error: io::Error) -> Self {
-        Self::Io(error)
-    }
-}
-
-/// Fits the start of a text from a file on one line of a message.
-fn printable(text: &str) -> String {
-    const LONGEST: usize = 200;
-    text.replace(char::is_control, "?").chars().take(LONGEST).collect()
 }

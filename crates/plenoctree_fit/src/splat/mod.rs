@@ -12,6 +12,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod axis;
 mod bounds;
 mod error;
 mod harmonics;
@@ -22,9 +23,10 @@ mod splats;
 mod subject;
 mod voxelize;
 
+pub use axis::Axis;
 pub use error::SplatError;
 pub use read::{SplatSettings, SpzAxes};
 pub use render::{SplatImage, render_splats};
 pub use splats::{Gaussian, Splats};
-pub use subject::{Axis, Subject, SubjectSettings};
+pub use subject::{Subject, SubjectSettings};
 pub use voxelize::{VoxelSettings, Voxels, voxelize};

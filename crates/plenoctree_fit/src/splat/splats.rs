@@ -4,6 +4,7 @@ use glam::{DAffine3, DMat3, DVec3, Quat, Vec3};
 use plenoctree::Basis;
 
 use super::{
+    axis::Axis,
     harmonics::{Rotation, functions},
     shape::principal,
 };
@@ -41,6 +42,9 @@ pub struct Splats {
     degree: u32,
     coefficients: Vec<Vec3>,
     dropped: usize,
+    antialiased: bool,
+    assumes_axes: bool,
+    up: Option<Axis>,
 }
 
 impl Splats {
@@ -74,10 +78,16 @@ impl Splats {
         self.coefficients.extend((0..count).map(|index| coefficients.get(index).copied().unwrap_or(Vec3::ZERO)));
     }
 
+    /// Returns a capture without Gaussians that is like this one in everything else.
+    fn emptied(&self) -> Self {
+        let Self { degree, dropped, antialiased, assumes_axes, up, .. } = *self;
+        Self { degree, dropped, antialiased, assumes_axes, up, ..Self::default() }
+    }
+
     /// Reserves memory for `count` more Gaussians.
     pub(super) fn reserve(&mut self, count: usize) {
-        self.gaussians.reserve_exact(count);
-        self.coefficients.reserve_exact(count * functions(self.degree));
+        self.gaussians.reserve(count);
+        self.coefficients.reserve(count * functions(self.degree));
     }
 
     /// Returns the number of Gaussians.
@@ -93,6 +103,38 @@ impl Splats {
     /// Returns the number of Gaussians that were left out because their numbers are damaged.
     pub fn dropped(&self) -> usize {
         self.dropped
+    }
+
+    /// Returns whether the capture was trained with antialiasing (Mip-Splatting): Gaussians that are blurred when they
+    /// are drawn keep what they cover in all, not their opacity. False unless the file says so.
+    pub fn antialiased(&self) -> bool {
+        self.antialiased
+    }
+
+    /// Sets whether the capture was trained with antialiasing: see [`Self::antialiased`].
+    pub fn set_antialiased(&mut self, antialiased: bool) {
+        self.antialiased = antialiased;
+    }
+
+    /// Returns whether the capture is from an SPZ file that does not record its axes, and these had to be assumed
+    /// because [`SpzAxes::Unknown`](super::SpzAxes::Unknown) was set. If they are wrong, the capture is upside down.
+    pub fn assumes_axes(&self) -> bool {
+        self.assumes_axes
+    }
+
+    /// Sets whether the axes had to be assumed.
+    pub(super) fn set_assumes_axes(&mut self, assumes_axes: bool) {
+        self.assumes_axes = assumes_axes;
+    }
+
+    /// Returns the direction that is up in the coordinates of the file, if the file says so.
+    pub fn up(&self) -> Option<Axis> {
+        self.up
+    }
+
+    /// Sets the direction that is up.
+    pub(super) fn set_up(&mut self, up: Option<Axis>) {
+        self.up = up;
     }
 
     /// Returns the degree of the harmonics, 0 to 3.
@@ -132,10 +174,10 @@ impl Splats {
         (sum + 0.5).max(Vec3::ZERO)
     }
 
-    /// Returns the capture with the Gaussians for which `keep` returns `true`, by index.
-    pub fn filtered(&self, keep: impl Fn(usize, &Gaussian) -> bool) -> Self {
-        let mut kept = Self { dropped: self.dropped, ..Self::new(self.degree) };
-        for (index, gaussian) in self.gaussians.iter().enumerate().filter(|(index, gaussian)| keep(*index, gaussian)) {
+    /// Returns the capture with the Gaussians for which `keep` returns `true`.
+    pub fn filtered(&self, keep: impl Fn(&Gaussian) -> bool) -> Self {
+        let mut kept = self.emptied();
+        for (index, gaussian) in self.gaussians.iter().enumerate().filter(|(_, gaussian)| keep(gaussian)) {
             kept.gaussians.push(*gaussian);
             kept.coefficients.extend_from_slice(self.coefficients(index));
         }
@@ -144,14 +186,14 @@ impl Splats {
 
     /// Returns the transformed capture. Its harmonics turn with it.
     ///
-    /// The transform may scale, also by axis, and mirror.
+    /// The transform may scale, also by axis, and mirror. [`Self::up`] stays what the file says.
     pub fn transformed(&self, transform: DAffine3) -> Self {
         let linear = transform.matrix3;
         let rotation = orthonormal(linear);
         let turned = Rotation::new(rotation);
         let width = linear.determinant().abs().cbrt();
         let similar = (linear - rotation * width).to_cols_array().iter().all(|x| x.abs() <= 1e-6 * width);
-        let mut result = Self { dropped: self.dropped, ..Self::new(self.degree) };
+        let mut result = self.emptied();
         result.reserve(self.len());
         let mut coefficients = [Vec3::ZERO; 16];
         for (index, gaussian) in self.gaussians.iter().enumerate() {
@@ -194,14 +236,14 @@ impl Splats {
         self
     }
 
-    /// Adds the Gaussians of another capture.
+    /// Adds the Gaussians of another capture. The result is antialiased if both are.
     pub(super) fn append(&mut self, other: &Self) {
         if other.degree > self.degree {
-            let mut wider = Self { dropped: self.dropped, ..Self::new(other.degree) };
+            let mut wider = Self { degree: other.degree, dropped: 0, ..self.emptied() };
             wider.append(self);
-            wider.dropped = self.dropped;
             *self = wider;
         }
+        self.antialiased = other.antialiased && (self.antialiased || self.is_empty());
         self.reserve(other.len());
         for (index, gaussian) in other.gaussians.iter().enumerate() {
             self.push(*gaussian, other.coefficients(index));

@@ -1,41 +1,8 @@
 //! The part of a capture that becomes a field.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use serde::{Deserialize, Serialize};
 
-use super::{error::SplatError, splats::Splats};
-
-/// A direction along an axis of a capture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Axis {
-    /// Against y: up in the `.ply` files of most trainers. The default.
-    #[default]
-    NegativeY,
-    /// Along y.
-    Y,
-    /// Against z.
-    NegativeZ,
-    /// Along z.
-    Z,
-    /// Against x.
-    NegativeX,
-    /// Along x.
-    X,
-}
-
-impl Axis {
-    /// Returns the unit vector.
-    pub fn direction(self) -> DVec3 {
-        match self {
-            Self::X => DVec3::X,
-            Self::NegativeX => DVec3::NEG_X,
-            Self::Y => DVec3::Y,
-            Self::NegativeY => DVec3::NEG_Y,
-            Self::Z => DVec3::Z,
-            Self::NegativeZ => DVec3::NEG_Z,
-        }
-    }
-}
+use super::{axis::Axis, error::SplatError, splats::Splats};
 
 /// Settings of [`Splats::subject`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -16,7 +16,8 @@ fn read(path: &std::path::Path) -> Result<FitInput, String> {
 fn colmap_models_have_the_same_cameras() {
     let expected = cameras(5);
     let focal = expected[0].focal_x;
-    let models: [(u32, &str, Vec<f64>, Distortion); 6] = [
+    let rational = [focal, focal, 20.0, 20.0, 0.1, 0.2, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06];
+    let models: [(u32, &str, Vec<f64>, Distortion); 9] = [
         (0, "SIMPLE_PINHOLE", vec![focal, 20.0, 20.0], Distortion::None),
         (1, "PINHOLE", vec![focal, focal, 20.0, 20.0], Distortion::None),
         (2, "SIMPLE_RADIAL", vec![focal, 20.0, 20.0, 0.1], radial([0.1, 0.0], [0.0; 2])),
@@ -28,6 +29,14 @@ fn colmap_models_have_the_same_cameras() {
             vec![focal, focal, 20.0, 20.0, 0.1, 0.2, 0.01, 0.02],
             Distortion::Fisheye([0.1, 0.2, 0.01, 0.02]),
         ),
+        (
+            6,
+            "FULL_OPENCV",
+            rational.into(),
+            Distortion::Rational { radial: [0.1, 0.2, 0.03, 0.04, 0.05, 0.06], tangential: [0.01, 0.02] },
+        ),
+        (14, "SIMPLE_FISHEYE", vec![focal, 20.0, 20.0], Distortion::Fisheye([0.0; 4])),
+        (15, "FISHEYE", vec![focal, focal, 20.0, 20.0], Distortion::Fisheye([0.0; 4])),
     ];
     for (number, name, parameters, distortion) in models {
         let folder = folder(&format!("colmap_{name}"));
@@ -201,7 +210,102 @@ fn moved_pictures_are_found() {
     assert!(message.contains("v_1.png") && message.contains("20x20") && message.contains("40x40"), "{message}");
 }
 
-/// Every kind of bad input gives an error that names the file and what is wrong with it.
+/// Of several COLMAP models, the one with the most pictures counts, and the others are named.
+#[test]
+fn the_largest_colmap_model_counts() {
+    let cameras = cameras(6);
+    let folder = folder("several_models");
+    write_pictures(&folder.join("images"), &cameras, None, |_| 1.0);
+    let model = |name: &str, count: usize| {
+        let made = crate::scene::folder(&format!("several_models_{count}"));
+        let into = folder.join("sparse").join(name);
+        fs::create_dir_all(&into).unwrap();
+        let from = if name == "2" {
+            write_colmap_binary(&made, &cameras[..count], 0, &[50.0, 20.0, 20.0]);
+            made.join("sparse")
+        } else {
+            write_colmap_text(&made, &cameras[..count], "1 SIMPLE_PINHOLE 40 40 50 20 20");
+            made.join("sparse/0")
+        };
+        for file in fs::read_dir(from).unwrap() {
+            let file = file.unwrap();
+            fs::copy(file.path(), into.join(file.file_name())).unwrap();
+        }
+    };
+    model("1", 3);
+    let input = read(&folder).unwrap();
+    assert_eq!((input.views.len(), input.notes.len()), (3, 0));
+    model("0", 2);
+    model("10", 4);
+    let input = read(&folder).unwrap();
+    assert_eq!((input.views.len(), input.notes.len()), (4, 1));
+    assert!(
+        input.notes[0].contains("0 (2 pictures)") && input.notes[0].contains("1 (3 pictures)"),
+        "{:?}",
+        input.notes
+    );
+    model("2", 5);
+    assert_eq!(read(&folder).unwrap().views.len(), 5);
+}
+
+/// COLMAP's pictures may be missing, too, also the first ones, as long as there are others.
+#[test]
+fn missing_pictures_of_colmap_are_left_out() {
+    let cameras = cameras(4);
+    let folder = folder("missing_colmap");
+    write_pictures(&folder.join("images"), &cameras, None, |_| 1.0);
+    write_colmap_text(&folder, &cameras, "1 SIMPLE_PINHOLE 40 40 50 20 20");
+    let whole = read(&folder).unwrap();
+    assert!(whole.missing.is_empty());
+    fs::remove_file(folder.join("images/v_0.png")).unwrap();
+    fs::remove_file(folder.join("images/v_2.png")).unwrap();
+    let part = read(&folder).unwrap();
+    let names: Vec<_> = part.missing.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
+    assert_eq!(names, ["v_0.png", "v_2.png"]);
+    assert_eq!(part.views.iter().map(|view| &view.name).collect::<Vec<_>>(), ["v_1.png", "v_3.png"]);
+    assert_eq!(part.views[0].camera.position, whole.views[1].camera.position);
+    let folders = InputFolders { pictures: Some(folder.join("sparse")), ..InputFolders::default() };
+    let message = FitInput::read(&folder, &folders).unwrap_err().to_string();
+    assert!(message.contains("no file") && message.contains("v_0.png"), "{message}");
+}
+
+/// nerfstudio names a cloud of points, which may be text or binary, and of any type.
+#[test]
+fn points_of_nerfstudio_are_read() {
+    let cameras = cameras(3);
+    let folder = folder("cloud");
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    let good = fs::read_to_string(folder.join("transforms.json")).unwrap();
+    let named = good.replacen('{', r#"{"ply_file_path": "clouds\\points.ply","#, 1);
+    fs::write(folder.join("transforms.json"), named).unwrap();
+    let input = read(&folder).unwrap();
+    assert!(input.points.is_empty() && input.notes[0].contains("points.ply"), "{:?}", input.notes);
+
+    fs::create_dir_all(folder.join("clouds")).unwrap();
+    let cloud = folder.join("clouds/points.ply");
+    let points = [DVec3::new(0.25, -1.5, 3.0), DVec3::new(-2.0, 0.125, 0.5)];
+    let header = |format: &str, kind: &str| {
+        format!(
+            "ply\nformat {format} 1.0\nelement vertex 3\nproperty uint8 red\nproperty {kind} x\nproperty {kind} y\n\
+             property {kind} z\nend_header\n"
+        )
+    };
+    fs::write(&cloud, header("ascii", "float") + "9 0.25 -1.5 3\n8 nan 0 0\n7 -2 0.125 .5\n").unwrap();
+    let input = read(&folder).unwrap();
+    assert_eq!((&input.points[..], input.notes.len()), (&points[..], 0));
+    let mut bytes = header("binary_big_endian", "double").into_bytes();
+    for point in [points[0], DVec3::INFINITY, points[1]] {
+        bytes.push(200);
+        point.to_array().map(f64::to_be_bytes).iter().for_each(|number| bytes.extend(number));
+    }
+    fs::write(&cloud, &bytes).unwrap();
+    assert_eq!(read(&folder).unwrap().points, points);
+    fs::write(&cloud, &bytes[..bytes.len() - 1]).unwrap();
+    let message = read(&folder).unwrap_err();
+    assert!(message.contains("points.ply: vertex: found 74 bytes, expected 75 bytes"), "{message}");
+}
+
 /// Pictures that are listed and not there are left out, and named, as long as there are others.
 #[test]
 fn missing_pictures_are_left_out() {
@@ -220,6 +324,7 @@ fn missing_pictures_are_left_out() {
     assert_eq!(part.views[1].camera.position, whole.views[2].camera.position);
 }
 
+/// Every kind of bad input gives an error that names the file and what is wrong with it.
 #[test]
 fn errors_name_file_and_reason() {
     let cameras = cameras(4);
@@ -245,6 +350,8 @@ fn errors_name_file_and_reason() {
     fails(&unknown, &["camera_model", "EQUIRECTANGULAR"]);
     fs::write(folder.join("v_1.png"), "not a picture").unwrap();
     fails(&good, &["v_1.png"]);
+    fs::write(folder.join("v_1.png"), b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
+    fails(&good, &["v_1.png", "a HEIC picture"]);
     let nowhere = read(&folder.join("nowhere")).unwrap_err();
     assert!(nowhere.contains("nowhere"), "{nowhere}");
     fs::remove_file(folder.join("transforms.json")).unwrap();
@@ -253,6 +360,8 @@ fn errors_name_file_and_reason() {
     write_pictures(&folder.join("images"), &cameras, None, |_| 1.0);
     write_colmap_text(&folder, &cameras, "1 FOV 40 40 50 50 20 20 0.1");
     assert!(read(&folder).unwrap_err().contains("FOV"));
+    write_colmap_text(&folder, &cameras, "1 EQUIRECTANGULAR 40 40 40 40");
+    assert!(read(&folder).unwrap_err().contains("model EQUIRECTANGULAR"));
     write_colmap_text(&folder, &cameras, "1 PINHOLE 41 40 50 50 20 20");
     let message = read(&folder).unwrap_err();
     assert!(message.contains("v_0.png") && message.contains("41x40"), "{message}");

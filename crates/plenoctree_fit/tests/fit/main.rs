@@ -93,6 +93,52 @@ fn opaque_pictures_are_fitted() {
     assert!((dark / bright - 0.8).abs() < 0.05, "{dark} {bright}");
 }
 
+/// Writes the pictures with noise in their left quarter, transparent if they have opacity, and frames that all name one mask, which is black there.
+fn photographed_with_mask(test: &str, background: Option<scene::Background>) -> PathBuf {
+    let (folder, cameras) = (folder(test), cameras(32));
+    write_pictures(&folder, &cameras, background, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    for index in 0..cameras.len() as u32 {
+        let path = folder.join(format!("v_{index}.png"));
+        let mut picture = image::open(&path).unwrap().into_rgba8();
+        for (x, y, pixel) in picture.enumerate_pixels_mut().filter(|(x, ..)| *x < 10) {
+            let noise = ((7 * x + 13 * y + 29 * index) % 256) as u8;
+            let opacity = if background.is_some() { 255 } else { 0 };
+            *pixel = image::Rgba([noise, 255 - noise, index as u8, opacity]);
+        }
+        picture.save(path).unwrap();
+    }
+    let mask = image::GrayImage::from_fn(40, 40, |x, _| image::Luma([if x < 10 { 0 } else { 255 }]));
+    mask.save(folder.join("mask.png")).unwrap();
+    let file = folder.join("transforms.json");
+    let text = std::fs::read_to_string(&file).unwrap();
+    std::fs::write(&file, text.replace(r#"{"file_path""#, r#"{"mask_path":"mask.png","file_path""#)).unwrap();
+    folder
+}
+
+/// What is black in a mask that all frames share is not known: neither its color nor that it is empty.
+#[test]
+fn shared_masks_hide_what_is_not_known() {
+    let folder = photographed_with_mask("shared_mask", None);
+    let fitted = fit_folder(&folder, &quick());
+    let held_out = fitted.report.held_out.unwrap();
+    assert!(held_out.psnr_db > 23.0, "{held_out:?}");
+    assert!(fitted.report.suspicious.is_empty(), "{:?}", fitted.report.suspicious);
+    let (low, high) = fitted.field.dense_bounds().unwrap();
+    assert!((low - DVec3::new(-0.6, -0.6, -0.8)).abs().max_element() < 0.15, "{low}");
+    assert!((high - DVec3::new(0.8, 0.6, 0.8)).abs().max_element() < 0.15, "{high}");
+    // What is hidden is black in the previews.
+    let preview = &fitted.previews[0];
+    assert_eq!([preview.photographed[5], preview.rendered[5]], [[0; 3]; 2]);
+
+    // The mask does not make photographs know their opacity.
+    let folder = photographed_with_mask("shared_mask_opaque", Some(|_, _| DVec3::new(0.7, 0.75, 0.8)));
+    let settings = FitSettings { depth: Some(7), effort: 0.08, ..quick() };
+    let report = fit_folder(&folder, &settings).report;
+    assert!(report.gains.is_some());
+    assert!(report.held_out.as_ref().unwrap().aligned_psnr_db > 22.0, "{:?}", report.held_out);
+}
+
 /// Exposures are learned, even if there are more pixels than rays.
 #[test]
 fn exposures_of_large_pictures_are_learned() {

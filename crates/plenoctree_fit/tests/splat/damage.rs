@@ -1,13 +1,13 @@
 //! Damaged files: cut off, with flipped bits, and with headers that claim too much.
 
-use glam::DVec3;
-use plenoctree_fit::splat::Splats;
+use glam::{DVec3, Vec3};
+use plenoctree_fit::splat::{Gaussian, SplatSettings, Splats};
 use serde_json::json;
 
 use crate::{
     TO_GLTF, TO_SPZ,
-    formats::{GltfFormat, PlyFormat, glb, gltf, gzip, ply, sog_bundle, spz},
-    read, small, turned,
+    formats::{GltfFormat, PlyFormat, glb, gltf, gzip, packed_ply, ply, sog, sog_bundle, spz, zip},
+    read, read_as, small, turned,
 };
 
 /// A small file of every kind, with whether its checksums or framing find every cut.
@@ -21,6 +21,7 @@ fn files() -> Vec<(&'static str, Vec<u8>)> {
         ("ply", ply(&splats, PlyFormat::Little)),
         ("strange ply", ply(&splats, PlyFormat::Strange)),
         ("ascii ply", ply(&splats, PlyFormat::Ascii)),
+        ("packed ply", packed_ply(&splats, true)),
         ("spz 2", spz(&turned(&splats, TO_SPZ), 2, None)),
         ("spz 3", spz(&turned(&splats, TO_SPZ), 3, Some(4))),
         ("spz 4", spz(&turned(&splats, TO_SPZ), 4, Some(4))),
@@ -121,6 +122,71 @@ fn headers_that_claim_too_much_are_errors() {
     fails(&glb(&document, &buffer), "reached twice");
 }
 
+/// The checksum of a gzip stream counts, also if nothing else is wrong.
+#[test]
+fn wrong_checksums_are_errors() {
+    for version in [2, 3] {
+        let bytes = spz(&small(1), version, None);
+        for place in bytes.len() - 8..bytes.len() - 4 {
+            let mut damaged = bytes.clone();
+            damaged[place] ^= 1;
+            let message = read(&damaged).unwrap_err().to_string();
+            assert!(message.contains("gzip stream"), "{message}");
+        }
+    }
+}
+
+/// A small file cannot ask for much: many nodes with damaged Gaussians, or many buffers that are one large file.
+#[test]
+fn work_and_memory_are_bounded() {
+    let mut splats = Splats::new(0);
+    for index in 0..4096 {
+        let position = Vec3::new(index as f32, 0.0, 0.0);
+        splats.push(Gaussian { position, ..small(0).gaussians()[0] }, &[Vec3::ONE]);
+    }
+    let nodes: Vec<_> = (1..=300).collect();
+    let nodes = std::iter::once(json!({"children": nodes})).chain((0..300).map(|_| json!({"mesh": 0}))).collect();
+    let (mut document, mut buffer) = gltf(&splats, GltfFormat::Floats, nodes);
+    buffer[..4096 * 12].chunks_exact_mut(4).for_each(|number| number.copy_from_slice(&f32::NAN.to_le_bytes()));
+    let message = read(&glb(&document, &buffer)).unwrap_err().to_string();
+    assert!(message.contains("nodes: found 10") && message.contains("at most"), "{message}");
+
+    document["buffers"] = (0..20).map(|_| json!({"uri": "large.bin", "byteLength": 1})).collect();
+    let mut read = 0;
+    let beside = &mut |_: &str| {
+        read += 1;
+        Ok(vec![0; 1 << 28])
+    };
+    let message = Splats::from_bytes(document.to_string().as_bytes(), "capture", &SplatSettings::default(), beside)
+        .unwrap_err()
+        .to_string();
+    assert!(message.contains("buffers: found") && message.contains("at most 2 GiB in all"), "{message}");
+    assert_eq!(read, 9);
+}
+
+/// Archives of several captures are named, unless one of them is in the first folder. So are formats that only others
+/// read.
+#[test]
+fn other_formats_are_named() {
+    let moved = |folder: &str| {
+        let files = sog(&small(1), 2);
+        files.into_iter().map(|(name, content)| (format!("{folder}{name}"), content)).collect::<Vec<_>>()
+    };
+    assert_eq!(read(&zip(&moved("one/"))).unwrap().len(), 5);
+    let several = [moved("one/"), moved("two/")].concat();
+    assert!(read(&zip(&several)).unwrap_err().to_string().contains("a streamed SOG"));
+    assert_eq!(read(&zip(&[several, moved("")].concat())).unwrap().len(), 5);
+    let streamed = [("lod-meta.json".to_string(), b"{}".to_vec())];
+    assert!(read(&zip(&streamed)).unwrap_err().to_string().contains("a streamed SOG"));
+    let others = [("notes.txt".to_string(), b"none".to_vec())];
+    assert!(read(&zip(&others)).unwrap_err().to_string().contains("no meta.json"));
+    assert!(read(&gzip(&ply(&small(0), PlyFormat::Little))).unwrap_err().to_string().contains("gunzip"));
+    let message = read_as(&[0; 64], "capture.KSPLAT").unwrap_err().to_string();
+    assert!(message.contains("a .ksplat file") && message.contains("splat-transform"), "{message}");
+    let message = read_as(&[1; 63], "capture.splat").unwrap_err().to_string();
+    assert!(message.contains("a .splat file of 63 bytes"), "{message}");
+}
+
 /// Files that are not captures, or not supported ones, are named.
 #[test]
 fn other_files_are_named() {
@@ -129,7 +195,11 @@ fn other_files_are_named() {
         (b"solid stl", "[73, 6f, 6c, 69]"),
         (b"{\"a\": 1}", "neither `means` nor `asset`"),
         (b"{\"asset\": {}}", "none with Gaussians"),
-        (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty uint packed_position\nend_header\n1\n", "splat-transform"),
+        (
+            b"ply\nformat ascii 1.0\nelement vertex 1\nproperty uint packed_position\nend_header\n1\n",
+            "no element `chunk`",
+        ),
+        (b"{\"lodLevels\": 3, \"filenames\": []}", "a streamed SOG"),
         (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n", "no property"),
         (b"ply\nformat ascii 1.0\nend_header\n", "no element `vertex`"),
         (b"ply\nformat middle_endian 1.0\nend_header\n", "`format middle_endian 1.0`"),

@@ -99,6 +99,83 @@ pub fn ply(splats: &Splats, format: PlyFormat) -> Vec<u8> {
     bytes
 }
 
+/// A compressed `.ply` file of PlayCanvas' tools. Earlier versions do not have the range of colors.
+pub fn packed_ply(splats: &Splats, has_color_range: bool) -> Vec<u8> {
+    let gaussians = splats.gaussians();
+    let color = |index: usize| 0.5 + 0.282_094_8 * splats.coefficients(index)[0];
+    let logs = |index: usize| Vec3::from_array(gaussians[index].scale.to_array().map(f32::ln));
+    let ends = |values: &dyn Fn(usize) -> Vec3, chunk: &[usize]| {
+        let values = chunk.iter().map(|index| values(*index));
+        [values.clone().fold(Vec3::MAX, Vec3::min), values.fold(Vec3::MIN, Vec3::max)]
+    };
+    let unit = |[low, high]: [Vec3; 2], value: Vec3| (value - low) / (high - low).max(Vec3::splat(1e-9));
+    let packed = |part: Vec3| {
+        let [x, y, z] = [part.x * 2047.0, part.y * 1023.0, part.z * 2047.0].map(|part| part.round() as u32);
+        x << 21 | y << 11 | z
+    };
+    let all: Vec<usize> = (0..splats.len()).collect();
+    let (mut chunks, mut vertices, mut harmonics) = (Vec::<f32>::new(), Vec::<u32>::new(), Vec::<u8>::new());
+    for chunk in all.chunks(256) {
+        let position = ends(&|index| gaussians[index].position, chunk);
+        let scale = ends(&logs, chunk);
+        let colors = if has_color_range { ends(&color, chunk) } else { [Vec3::ZERO, Vec3::ONE] };
+        let ranges = [position, scale, colors];
+        chunks
+            .extend(ranges[..if has_color_range { 3 } else { 2 }].as_flattened().iter().flat_map(|end| end.to_array()));
+        for &index in chunk {
+            let Gaussian { position: at, rotation, opacity, .. } = gaussians[index];
+            let [x, y, z, w] = rotation.to_array();
+            let parts = [w, x, y, z];
+            let largest = (0..4).max_by(|&a, &b| parts[a].abs().total_cmp(&parts[b].abs())).unwrap();
+            let sign = parts[largest].signum();
+            let turn = (0..4).filter(|part| *part != largest).fold(largest as u32, |turn, part| {
+                turn << 10 | ((sign * parts[part] / 2.0f32.sqrt() + 0.5) * 1023.0).round() as u32
+            });
+            let [r, g, b] = unit(colors, color(index)).to_array().map(|part| byte(255.0 * part));
+            let color = u32::from_be_bytes([r, g, b, byte(255.0 * opacity)]);
+            vertices.extend([packed(unit(position, at)), turn, packed(unit(scale, logs(index))), color]);
+            let rest = &splats.coefficients(index)[1..];
+            harmonics.extend((0..3).flat_map(|channel| {
+                rest.iter().map(move |k| ((k[channel] / 8.0 + 0.5) * 256.0).floor().clamp(0.0, 255.0) as u8)
+            }));
+        }
+    }
+    let properties =
+        |kind: &str, names: &[String]| names.iter().map(|name| format!("property {kind} {name}\n")).collect::<String>();
+    let columns = |names: [&str; 3]| ["min", "max"].map(|end| names.map(|name| format!("{end}_{name}"))).concat();
+    let mut ranges = [columns(["x", "y", "z"]), columns(["scale_x", "scale_y", "scale_z"])].concat();
+    if has_color_range {
+        ranges.extend(columns(["r", "g", "b"]));
+    }
+    let packed = ["position", "rotation", "scale", "color"].map(|name| format!("packed_{name}"));
+    let mut header = format!("ply\nformat binary_little_endian 1.0\nelement chunk {}\n", splats.len().div_ceil(256));
+    header += &properties("float", &ranges);
+    header += &format!("element vertex {}\n{}", splats.len(), properties("uint", &packed));
+    if !harmonics.is_empty() {
+        let names: Vec<String> = (0..harmonics.len() / splats.len()).map(|index| format!("f_rest_{index}")).collect();
+        header += &format!("element sh {}\n{}", splats.len(), properties("uchar", &names));
+    }
+    let mut bytes = (header + "end_header\n").into_bytes();
+    bytes.extend(chunks.iter().flat_map(|value| value.to_le_bytes()));
+    bytes.extend(vertices.iter().flat_map(|value| value.to_le_bytes()));
+    bytes.extend(harmonics);
+    bytes
+}
+
+/// A `.splat` file. It has no higher harmonics.
+pub fn splat(splats: &Splats) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for (index, gaussian) in splats.gaussians().iter().enumerate() {
+        let Gaussian { position, scale, rotation, opacity } = *gaussian;
+        bytes.extend([position, scale].iter().flat_map(|v| v.to_array()).flat_map(f32::to_le_bytes));
+        let color = 0.5 + 0.282_094_8 * splats.coefficients(index)[0];
+        bytes.extend(color.extend(opacity).to_array().map(|part| byte(255.0 * part)));
+        let [x, y, z, w] = rotation.to_array();
+        bytes.extend([w, x, y, z].map(|part| byte(128.0 * part + 128.0)));
+    }
+    bytes
+}
+
 fn byte(value: f32) -> u8 {
     value.round().clamp(0.0, 255.0) as u8
 }
@@ -303,10 +380,14 @@ pub fn sog(splats: &Splats, version: u32) -> Vec<(String, Vec<u8>)> {
 }
 
 pub fn sog_bundle(splats: &Splats, version: u32) -> Vec<u8> {
+    zip(&sog(splats, version))
+}
+
+pub fn zip(files: &[(String, Vec<u8>)]) -> Vec<u8> {
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
-    for (name, content) in sog(splats, version) {
+    for (name, content) in files {
         archive.start_file(name, FileOptions::default().compression_method(zip::CompressionMethod::Stored)).unwrap();
-        archive.write_all(&content).unwrap();
+        archive.write_all(content).unwrap();
     }
     archive.finish().unwrap().into_inner()
 }

@@ -6,15 +6,19 @@ mod voxels;
 
 use std::{fs, io, path::Path};
 
-use formats::{GltfFormat, PlyFormat, glb, gltf, ply, sog, sog_bundle, spz};
+use formats::{GltfFormat, PlyFormat, glb, gltf, packed_ply, ply, sog, sog_bundle, splat, spz, zip};
 use glam::{DAffine3, DMat3, DQuat, DVec3, Quat, Vec3};
-use plenoctree_fit::splat::{Gaussian, SplatSettings, Splats, SpzAxes};
+use plenoctree_fit::splat::{Axis, Gaussian, SplatError, SplatSettings, Splats, SpzAxes};
 use proptest::prelude::*;
 use serde_json::json;
 
-fn read(bytes: &[u8]) -> Result<Splats, plenoctree_fit::splat::SplatError> {
+fn read(bytes: &[u8]) -> Result<Splats, SplatError> {
+    read_as(bytes, "capture")
+}
+
+fn read_as(bytes: &[u8], name: &str) -> Result<Splats, SplatError> {
     let none = &mut |_: &str| Err(io::ErrorKind::NotFound.into());
-    Splats::from_bytes(bytes, "capture", &SplatSettings::default(), none)
+    Splats::from_bytes(bytes, name, &SplatSettings::default(), none)
 }
 
 /// Random Gaussians, with numbers that all formats can store.
@@ -53,6 +57,10 @@ const SPZ: Tolerance =
     Tolerance { position: 1.3e-4, scale: 0.032, rotation: 6e-3, opacity: 2e-3, color: 0.0132, harmonics: 7e-3 };
 const SOG: Tolerance =
     Tolerance { position: 3e-4, scale: 0.013, rotation: 2.5e-2, opacity: 1.1e-2, color: 4e-3, harmonics: 4e-3 };
+const PACKED_PLY: Tolerance =
+    Tolerance { position: 3.5e-3, scale: 3.5e-3, rotation: 4e-3, opacity: 2.1e-3, color: 7.2e-3, harmonics: 0.0162 };
+const SPLAT: Tolerance =
+    Tolerance { position: 1e-6, scale: 1e-5, rotation: 3e-2, opacity: 2.1e-3, color: 7.2e-3, harmonics: 0.0 };
 
 fn check(found: &Splats, expected: &Splats, tolerance: Tolerance) {
     assert_eq!((found.len(), found.degree(), found.dropped()), (expected.len(), expected.degree(), 0));
@@ -90,6 +98,14 @@ proptest! {
         for format in [PlyFormat::Ascii, PlyFormat::Little, PlyFormat::Big, PlyFormat::Strange] {
             check(&read(&ply(&splats, format)).unwrap(), &splats, FLOAT);
         }
+        for has_color_range in [false, true] {
+            check(&read(&packed_ply(&splats, has_color_range)).unwrap(), &splats, PACKED_PLY);
+        }
+        let mut flat = Splats::new(0);
+        for (index, gaussian) in splats.gaussians().iter().enumerate() {
+            flat.push(*gaussian, &splats.coefficients(index)[..1]);
+        }
+        check(&read_as(&splat(&splats), "capture.splat").unwrap(), &flat, SPLAT);
         for version in [2, 3, 4] {
             let tolerance = if version == 2 { Tolerance { rotation: 0.25, ..SPZ } } else { SPZ };
             check(&read(&spz(&turned(&splats, TO_SPZ), version, None)).unwrap(), &splats, tolerance);
@@ -254,8 +270,95 @@ fn assumed_axes_are_known() {
         (spz(&splats, 4, None), true),
         (spz(&splats, 4, Some(6)), false),
         (ply(&splats, PlyFormat::Little), false),
-        (b"NGSP".to_vec(), false),
     ] {
-        assert_eq!(Splats::assumes_axes(&bytes), expected);
+        let known = SplatSettings { spz_axes: SpzAxes::RightUpBack };
+        let none = &mut |_: &str| Err(io::ErrorKind::NotFound.into());
+        assert_eq!(read(&bytes).unwrap().assumes_axes(), expected);
+        assert!(!Splats::from_bytes(&bytes, "capture", &known, none).unwrap().assumes_axes());
     }
+}
+
+/// Comments of PLY files, a flag of SPZ and a key of SOG say that a capture was trained with antialiasing.
+#[test]
+fn antialiased_captures_are_known() {
+    let splats = small(1);
+    let commented = |comments: &str| {
+        let text = String::from_utf8_lossy(&ply(&splats, PlyFormat::Ascii)).replace("comment by hand\n", comments);
+        read(text.as_bytes()).unwrap()
+    };
+    for (comments, expected) in [
+        ("", false),
+        ("comment SplatRenderMode: mip\n", true),
+        ("comment Exported from Brush\ncomment SplatRenderMode: default\n", false),
+        ("comment antialiased 1\n", true),
+        ("comment antialiased 0\n", false),
+    ] {
+        assert_eq!(commented(comments).antialiased(), expected, "{comments}");
+    }
+    let mut bytes = spz(&turned(&splats, TO_SPZ), 4, Some(4));
+    assert!(!read(&bytes).unwrap().antialiased());
+    bytes[14] |= 1;
+    let flagged = read(&bytes).unwrap();
+    assert!(flagged.antialiased());
+    assert!(turned(&flagged, TO_GLTF).antialiased() && flagged.filtered(|_| true).antialiased());
+    let mut files = sog(&splats, 2);
+    assert!(!read(&zip(&files)).unwrap().antialiased());
+    for (model, expected) in [("antialiased", true), ("2dgs", false)] {
+        let mut meta: serde_json::Value = serde_json::from_slice(&files[0].1).unwrap();
+        meta["model"] = json!(model);
+        files[0].1 = meta.to_string().into_bytes();
+        assert_eq!(read(&zip(&files)).unwrap().antialiased(), expected);
+    }
+}
+
+/// Comments of PLY files say which direction is up.
+#[test]
+fn the_direction_that_is_up_is_known() {
+    for (comment, expected) in [
+        ("by hand", None),
+        ("Vertical Axis: z", Some(Axis::Z)),
+        ("Vertical axis: y", Some(Axis::NegativeY)),
+        ("Vertical axis: 0.1 -0.9 0.2", Some(Axis::NegativeY)),
+        ("Vertical axis: 0.02 -0.1 -0.99", Some(Axis::NegativeZ)),
+        ("Vertical axis: 0 0 0", None),
+        ("Vertical axis: 1 NaN 0", None),
+        ("Vertical axis: north", None),
+    ] {
+        let text = String::from_utf8_lossy(&ply(&small(0), PlyFormat::Ascii)).replace("by hand", comment);
+        assert_eq!(read(text.as_bytes()).unwrap().up(), expected, "{comment}");
+    }
+}
+
+/// Scales in drafts of the glTF extension are logarithms, of which any are negative.
+#[test]
+fn scales_of_drafts_are_logarithms() {
+    let splats = small(1);
+    let (document, mut buffer) = gltf(&turned(&splats, TO_GLTF), GltfFormat::Floats, json!([{"mesh": 0}]));
+    let scale = &document["meshes"][0]["primitives"][0]["attributes"]["KHR_gaussian_splatting:SCALE"];
+    let view = &document["bufferViews"][scale.as_u64().unwrap() as usize];
+    let start = view["byteOffset"].as_u64().unwrap() as usize;
+    for number in buffer[start..][..5 * 12].chunks_exact_mut(4) {
+        let scale = f32::from_le_bytes([number[0], number[1], number[2], number[3]]);
+        number.copy_from_slice(&scale.ln().to_le_bytes());
+    }
+    check(&read(&glb(&document, &buffer)).unwrap(), &splats, FLOAT);
+}
+
+/// JSON may start with a byte order mark.
+#[test]
+fn byte_order_marks_are_skipped() {
+    let splats = small(1);
+    let marked = |content: &[u8]| [b"\xef\xbb\xbf", content].concat();
+    let mut files = sog(&splats, 2);
+    files[0].1 = marked(&files[0].1);
+    check(&read(&zip(&files)).unwrap(), &splats, SOG);
+    let beside = &mut |name: &str| {
+        let file = files.iter().find(|file| file.0 == name);
+        file.map(|file| file.1.clone()).ok_or(io::ErrorKind::NotFound.into())
+    };
+    check(&Splats::from_bytes(&files[0].1, "meta.json", &SplatSettings::default(), beside).unwrap(), &splats, SOG);
+    let (mut document, buffer) = gltf(&turned(&splats, TO_GLTF), GltfFormat::Floats, json!([{"mesh": 0}]));
+    let text: String = buffer.chunks(3).map(base64).collect();
+    document["buffers"][0]["uri"] = json!(format!("data:application/octet-stream;base64,{text}"));
+    check(&read(&marked(document.to_string().as_bytes())).unwrap(), &splats, FLOAT);
 }

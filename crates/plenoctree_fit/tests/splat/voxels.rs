@@ -102,6 +102,36 @@ fn opacities_are_kept() {
     }
 }
 
+/// Gaussians of an antialiased capture that are smaller than a cell cover about as much in all as they do in the capture:
+/// the total of the optical depths over a plane. Others cover as much more as they grow.
+#[test]
+fn antialiased_gaussians_keep_what_they_cover() {
+    let bounds = Some((DVec3::NEG_ONE, DVec3::ONE));
+    let (scale, opacity) = (0.012f64, 0.6f64);
+    let mut splats = Splats::new(0);
+    let gaussian =
+        Gaussian { position: Vec3::ZERO, scale: Vec3::splat(scale as f32), rotation: Quat::IDENTITY, opacity: 0.6 };
+    splats.push(gaussian, &[Vec3::ZERO]);
+    // The integral of -ln(1 - a exp(-r^2 / 2 s^2)) over the plane.
+    let series: f64 = (1..200).map(|k| opacity.powi(k) / f64::from(k).powi(2)).sum();
+    let expected = std::f64::consts::TAU * scale * scale * series;
+    let total = |splats: &Splats| {
+        let field = voxelize(splats, &VoxelSettings { depth: 6, bounds, ..Default::default() }).unwrap();
+        let lines = (-60..60).flat_map(|y| (-60..60).map(move |x| (f64::from(x), f64::from(y))));
+        let step = 0.005;
+        let depth = |(x, y): (f64, f64)| {
+            let from = DVec3::new(step * (x + 0.5), step * (y + 0.5), 3.0);
+            -(1.0 - field.render_ray(from, DVec3::NEG_Z).1).ln()
+        };
+        step * step * lines.map(depth).sum::<f64>()
+    };
+    let classic = total(&splats);
+    splats.set_antialiased(true);
+    let found = total(&splats);
+    assert!((found / expected - 1.0).abs() < 0.25, "{found} {expected}");
+    assert!(classic > 1.7 * expected, "{classic} {expected}");
+}
+
 /// Gaussians as large as the capture, all at one place, become a field of at most as many leaves as asked for: one
 /// cell after another, each of them would take hours.
 #[test]

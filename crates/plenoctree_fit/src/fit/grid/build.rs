@@ -44,7 +44,7 @@ impl VoxelSet {
         let side = self.resolution / BRICK;
         self.bricks.iter().zip(0u32..).filter(|(cells, _)| cells.voxels != 0).flat_map(move |(cells, index)| {
             let corner = BRICK * UVec3::new(index / (side * side), index / side % side, index % side);
-            cells.places(corner).map(|(_, voxel)| voxel)
+            cells.places(corner)
         })
     }
 

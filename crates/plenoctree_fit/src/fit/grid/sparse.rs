@@ -109,10 +109,10 @@ impl Cells {
         [BRICK, 2].into_iter().find(is_one).unwrap_or(1)
     }
 
-    /// Returns the voxels, by the bits of their lowest cells, and their places in the brick at `corner`.
-    pub(super) fn places(self, corner: UVec3) -> impl Iterator<Item = (u32, Voxel)> {
+    /// Returns the voxels of the brick at `corner`, in the order of the bits of their lowest cells.
+    pub(super) fn places(self, corner: UVec3) -> impl Iterator<Item = Voxel> {
         let lowest = (0..64).filter(move |bit| self.voxels >> bit & 1 == 1);
-        lowest.map(move |bit| (bit, Voxel { corner: corner + place_of(bit), size: self.size(bit) }))
+        lowest.map(move |bit| Voxel { corner: corner + place_of(bit), size: self.size(bit) })
     }
 }
 
@@ -200,7 +200,7 @@ impl Grid {
     pub fn voxels(&self) -> impl Iterator<Item = Voxel> + '_ {
         self.bricks.iter().flat_map(|brick| {
             let corner = UVec3::from(brick.corner.map(u32::from)) * BRICK;
-            brick.cells.places(corner).map(|(_, voxel)| voxel)
+            brick.cells.places(corner)
         })
     }
 

@@ -2,7 +2,8 @@
 
 use std::{
     collections::BTreeMap,
-    fs,
+    fs::{self, File},
+    io::Read,
     path::{Path, PathBuf},
     str::FromStr,
 };
@@ -18,7 +19,7 @@ use super::{
 use crate::fit::error::FitError;
 
 /// Camera models by their number: the name, and the number of parameters.
-const MODELS: [(&str, usize); 11] = [
+const MODELS: [(&str, usize); 18] = [
     ("SIMPLE_PINHOLE", 3),
     ("PINHOLE", 4),
     ("SIMPLE_RADIAL", 4),
@@ -30,6 +31,13 @@ const MODELS: [(&str, usize); 11] = [
     ("SIMPLE_RADIAL_FISHEYE", 4),
     ("RADIAL_FISHEYE", 5),
     ("THIN_PRISM_FISHEYE", 12),
+    ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    ("SIMPLE_DIVISION", 4),
+    ("DIVISION", 5),
+    ("SIMPLE_FISHEYE", 3),
+    ("FISHEYE", 4),
+    ("EUCM", 6),
+    ("EQUIRECTANGULAR", 2),
 ];
 
 /// An entry of `cameras`.
@@ -72,6 +80,12 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
         return Err(FitError::found(folder, "points3D", point.to_string(), "finite positions"));
     }
     let pictures = pictures(folder, folders, &images)?;
+    let (images, missing): (Vec<_>, Vec<_>) =
+        images.into_iter().partition(|image| pictures.join(&image.name).is_file());
+    let missing: Vec<PathBuf> = missing.into_iter().map(|image| pictures.join(image.name)).collect();
+    if let (true, Some(first)) = (images.is_empty(), missing.first()) {
+        return Err(FitError::found(folder, "pictures", format!("no file {}", first.display()), "a PNG or JPEG file"));
+    }
     let mut maker = CameraMaker::default();
     let views = (images.into_iter())
         .map(|image| {
@@ -106,25 +120,44 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
             Ok(View { name: image.name, picture: path, mask: None, camera })
         })
         .collect::<Result<_, _>>()?;
-    Ok(FitInput { views, points, missing: Vec::new() })
+    Ok(FitInput { views, points, missing, ..FitInput::default() })
 }
 
-/// Finds the folder of the pictures.
+/// Returns whether a folder has a model.
+pub fn is_model(folder: &Path) -> bool {
+    ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).exists())
+}
+
+/// Returns the number of pictures of a model, as it states it. 0 if it cannot be read.
+pub fn size(folder: &Path) -> u64 {
+    if folder.join("cameras.bin").exists() {
+        let mut start = [0; 8];
+        let read = File::open(folder.join("images.bin")).and_then(|mut file| file.read_exact(&mut start));
+        return read.map_or(0, |()| u64::from_le_bytes(start));
+    }
+    Lines::open(folder.join("images.txt")).and_then(images_of_text).map_or(0, |images| images.len() as u64)
+}
+
+/// Finds the folder of the pictures: that with the most of them.
 fn pictures(folder: &Path, folders: &InputFolders, images: &[Image]) -> Result<PathBuf, FitError> {
     if let Some(pictures) = &folders.pictures {
         return Ok(pictures.clone());
     }
     let absolute = fs::canonicalize(folder).map_err(FitError::io(folder))?;
-    let first = images.first().map_or("", |image| &image.name);
-    let candidates = absolute.ancestors().take(4).flat_map(|above| [above.join("images"), above.into()]);
-    let found = candidates.into_iter().find(|pictures| pictures.join(first).is_file());
-    found.ok_or_else(|| {
-        FitError::found(
-            folder,
-            "pictures",
-            format!("no {first}"),
-            "it in a folder `images` next to the model or above it",
-        )
+    let mut best: (usize, Option<PathBuf>) = (0, None);
+    for pictures in absolute.ancestors().take(4).flat_map(|above| [above.join("images"), above.into()]) {
+        let found = images.iter().filter(|image| pictures.join(&image.name).is_file()).count();
+        if found > best.0 {
+            best = (found, Some(pictures));
+        }
+        if found == images.len() {
+            break;
+        }
+    }
+    best.1.ok_or_else(|| {
+        let first = images.first().map_or("", |image| &image.name);
+        let expected = "pictures in a folder `images` next to the model or above it";
+        FitError::found(folder, "pictures", format!("no {first}, nor any other"), expected)
     })
 }
 
@@ -148,11 +181,17 @@ fn lens(file: &Path, camera: u64, model: &str, p: &[f64]) -> Result<Lens, FitErr
         "RADIAL" => (one_focal(), radial(p[3], p[4], 0.0, 0.0)),
         "OPENCV" => (two_focals(), radial(p[4], p[5], p[6], p[7])),
         "OPENCV_FISHEYE" => (two_focals(), Distortion::Fisheye([p[4], p[5], p[6], p[7]])),
+        "FULL_OPENCV" => {
+            let (radial, tangential) = ([p[4], p[5], p[8], p[9], p[10], p[11]], [p[6], p[7]]);
+            (two_focals(), Distortion::Rational { radial, tangential })
+        }
+        "SIMPLE_FISHEYE" => (one_focal(), Distortion::Fisheye([0.0; 4])),
+        "FISHEYE" => (two_focals(), Distortion::Fisheye([0.0; 4])),
         "SIMPLE_RADIAL_FISHEYE" => (one_focal(), Distortion::Fisheye([p[3], 0.0, 0.0, 0.0])),
         "RADIAL_FISHEYE" => (one_focal(), Distortion::Fisheye([p[3], p[4], 0.0, 0.0])),
         other => {
-            let expected = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE, \
-                            SIMPLE_RADIAL_FISHEYE or RADIAL_FISHEYE (or undistort the pictures with COLMAP's \
+            let expected = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, \
+                            SIMPLE_FISHEYE, FISHEYE, SIMPLE_RADIAL_FISHEYE or RADIAL_FISHEYE (or undistort the pictures with COLMAP's \
                             image_undistorter)";
             return Err(FitError::found(file, what, format!("model {other}"), expected));
         }
@@ -229,8 +268,7 @@ fn cameras_of(mut file: Bytes) -> Result<BTreeMap<u64, Camera>, FitError> {
         let (id, model) = (file.small()?, file.small()?);
         let (width, height) = (file.int()?, file.int()?);
         let Some((name, count)) = MODELS.get(model as usize) else {
-            let expected =
-                "one from 0 (SIMPLE_PINHOLE) to 5 (OPENCV_FISHEYE), 8 (SIMPLE_RADIAL_FISHEYE) or 9 (RADIAL_FISHEYE)";
+            let expected = "one from 0 (SIMPLE_PINHOLE) to 17 (EQUIRECTANGULAR)";
             return Err(FitError::found(&file.path, format!("camera {id}"), format!("model {model}"), expected));
         };
         let parameters = (0..*count).map(|_| file.float()).collect::<Result<Vec<_>, _>>()?;

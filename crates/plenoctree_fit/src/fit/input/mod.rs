@@ -7,7 +7,11 @@ mod picture;
 mod transforms;
 mod view;
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use super::error::FitError;
 
@@ -26,16 +30,17 @@ impl FitInput {
     /// - a `transforms.json` file of NeRF, instant-ngp or nerfstudio, or a folder with a `transforms.json` or
     ///   `transforms_train.json`,
     /// - a COLMAP model: a folder with `cameras`, `images` and, if there are points, `points3D`, as `.bin` or `.txt`,
-    ///   or one with such a model in `sparse/0`, `sparse` or `colmap/sparse/0`. The pictures are in a folder `images`
-    ///   next to it or above it.
+    ///   or one with such a model in `sparse/0`, `sparse` or `colmap/sparse/0`. Of several models in `sparse/0`,
+    ///   `sparse/1` and so on, that with the most pictures counts. The pictures are in a folder `images` next to it or
+    ///   above it.
     ///
     /// Pictures are PNG or JPEG files.
     ///
     /// # Errors
     ///
     /// Returns an error that names the file if one cannot be read or has unexpected content, if a picture or mask is
-    /// missing or does not have the stated size, or if a camera has no valid pose or lens. Pictures that a
-    /// `transforms.json` lists may be missing, but not all of them: see [`FitInput::missing`].
+    /// missing or does not have the stated size, or if a camera has no valid pose or lens. Some of the pictures may be
+    /// missing: see [`FitInput::missing`].
     pub fn read(path: &Path, folders: &InputFolders) -> Result<Self, FitError> {
         let mut input = if path.is_file() {
             transforms::read(path, folders)?
@@ -45,14 +50,17 @@ impl FitInput {
             .find(|file| file.exists())
         {
             transforms::read(&file, folders)?
-        } else if let Some(model) = ["", "sparse/0", "sparse", "colmap/sparse/0"]
-            .map(|name| path.join(name))
-            .into_iter()
-            .find(|folder| ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).exists()))
-        {
-            colmap::read(&model, folders)?
+        } else if let Some((model, others)) = model_in(path) {
+            let mut input = colmap::read(&model, folders)?;
+            if !others.is_empty() {
+                let named = |(folder, size): &(PathBuf, u64)| format!("{} ({size} pictures)", folder.display());
+                let others: Vec<String> = others.iter().map(named).collect();
+                let model = model.display();
+                input.notes.push(format!("only {model} is used, the largest model; left out: {}", others.join(", ")));
+            }
+            input
         } else {
-            std::fs::metadata(path).map_err(FitError::io(path))?;
+            fs::metadata(path).map_err(FitError::io(path))?;
             let expected = "transforms.json, transforms_train.json, or a COLMAP model (cameras, images, points3D)";
             return Err(FitError::found(path, "folder", "none of the known files", expected));
         };
@@ -67,8 +75,12 @@ impl FitInput {
                 view.mask = Some(mask_in(folder, &view.name, &view.picture)?);
             }
         }
+        if let Some(path) = &input.ignored {
+            let mask = Arc::new(picture::read_mask(path)?);
+            input.views.iter_mut().for_each(|view| view.camera.set_known(mask.clone()));
+        }
         for view in &input.views {
-            if let Some(mask) = &view.mask {
+            for mask in view.mask.iter().chain(&input.ignored) {
                 let (size, expected) = (picture::size(mask)?, (view.camera.width, view.camera.height));
                 if size != expected {
                     let [found, expected] = [size, expected].map(|(w, h)| format!("{w}x{h} pixels"));
@@ -78,6 +90,29 @@ impl FitInput {
         }
         Ok(input)
     }
+}
+
+/// Finds the COLMAP model in a folder. Returns the largest one, and the others with their numbers of pictures.
+fn model_in(path: &Path) -> Option<(PathBuf, Vec<(PathBuf, u64)>)> {
+    // Parts of the scene that COLMAP could not connect.
+    let parts = |folder: PathBuf| {
+        let names = fs::read_dir(&folder).into_iter().flatten().flatten().map(|entry| entry.file_name());
+        let mut numbers: Vec<u32> = names.filter_map(|name| name.to_str()?.parse().ok()).collect();
+        numbers.sort_unstable();
+        numbers.into_iter().map(move |number| folder.join(number.to_string())).collect::<Vec<_>>()
+    };
+    let places =
+        [vec![path.into()], parts(path.join("sparse")), vec![path.join("sparse")], parts(path.join("colmap/sparse"))];
+    let models = places.into_iter().map(|place| place.into_iter().filter(|folder| colmap::is_model(folder)));
+    let models: Vec<PathBuf> = models.map(Iterator::collect).find(|models: &Vec<_>| !models.is_empty())?;
+    let mut sized: Vec<(PathBuf, u64)> = match &models[..] {
+        [model] => vec![(model.clone(), 0)],
+        _ => models.iter().map(|model| (model.clone(), colmap::size(model))).collect(),
+    };
+    // The first of the largest.
+    let largest = sized.iter().rev().max_by_key(|(_, size)| *size)?.0.clone();
+    sized.retain(|(model, _)| *model != largest);
+    Some((largest, sized))
 }
 
 /// Finds the mask of a picture, in the same folders below `folder` as the input names for the picture, or in some of

@@ -13,8 +13,12 @@ pub struct FitInput {
     pub views: Vec<View>,
     /// Points on the surfaces of the scene. Empty if none are known.
     pub points: Vec<DVec3>,
-    /// The pictures that a `transforms.json` lists and that are not there. They are left out of `views`.
+    /// The pictures that the input lists and that are not there. They are left out of `views`.
     pub missing: Vec<PathBuf>,
+    /// The mask that all frames of a `transforms.json` share: what is black in it is not known.
+    pub ignored: Option<PathBuf>,
+    /// What else users should know about the input, such as models that are left out: a sentence each, for a warning.
+    pub notes: Vec<String>,
 }
 
 /// The folders of pictures and masks, if they are not in the usual places.

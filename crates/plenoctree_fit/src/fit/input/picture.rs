@@ -81,7 +81,7 @@ impl Picture {
 }
 
 /// Reads a mask: 255 shows the object.
-fn read_mask(path: &Path) -> Result<GrayImage, FitError> {
+pub fn read_mask(path: &Path) -> Result<GrayImage, FitError> {
     let image = decode(path)?;
     if image.color().has_alpha() {
         let rgba = image.to_rgba8();
@@ -154,7 +154,11 @@ impl Decoder {
     /// Opens a picture, and returns its width and height with it. The name of the file may be wrong about the format.
     fn open(path: &Path) -> Result<((u32, u32), Self), FitError> {
         let mut file = BufReader::new(File::open(path).map_err(FitError::io(path))?);
-        let is_jpeg = file.fill_buf().map_err(FitError::io(path))?.starts_with(&[0xff, 0xd8]);
+        let start = file.fill_buf().map_err(FitError::io(path))?;
+        let is_jpeg = start.starts_with(&[0xff, 0xd8]);
+        if [b"ftyphe", b"ftypmi", b"ftypms"].iter().any(|brand| start.get(4..10) == Some(&brand[..])) {
+            return Err(FitError::found(path, "picture", "a HEIC picture", "a PNG or JPEG file: convert it"));
+        }
         // Decoders do not limit sizes: that happens below, with a message that says what is possible.
         let ((width, height), decoder) = if is_jpeg {
             let options = DecoderOptions::default()

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use glam::{DMat3, DVec2};
+use glam::{DMat3, DVec2, DVec3};
 use serde::Deserialize;
 
 use super::{
@@ -15,8 +15,9 @@ use super::{
     view::{CameraMaker, View},
 };
 use crate::{
+    file::{Fault, ply::Ply, without_mark},
     fit::error::FitError,
-    transforms::{Intrinsics, WrongValue, pose, without_mark},
+    transforms::{Intrinsics, WrongValue, pose},
 };
 
 /// Extensions that the file names of pictures may lack, as in NeRF-synthetic.
@@ -42,6 +43,7 @@ struct File {
     #[serde(flatten)]
     camera: Camera,
     frames: Vec<Frame>,
+    ply_file_path: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -88,7 +90,52 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
             return Err(FitError::found(&odd.picture, "size", format!("{width}x{height}"), expected));
         }
     }
-    Ok(FitInput { views, points: Vec::new(), missing })
+    let (mut points, mut notes) = (Vec::new(), Vec::new());
+    if let Some(name) = &file.ply_file_path {
+        match find(own_folder(path), name, false) {
+            Some(cloud) => points = points_of(&cloud)?,
+            None => notes.push(format!("ply_file_path: no file {name}, so the points of the scene are not known")),
+        }
+    }
+    // nerfstudio writes the same mask to every frame, for parts of a lens or of a rig. Masks of objects differ.
+    let mut ignored = None;
+    let mut masks = file.frames.iter().map(|frame| frame.mask_path.as_ref());
+    if let Some(Some(first)) = masks.next()
+        && file.frames.len() > 1
+        && masks.all(|mask| mask == Some(first))
+    {
+        notes.push(format!("all frames have the mask {first}, so what is black in it is ignored"));
+        for view in &mut views {
+            ignored = view.mask.take().or(ignored);
+        }
+    }
+    Ok(FitInput { views, points, missing, ignored, notes })
+}
+
+/// Returns the folder of the file.
+fn own_folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Reads the points of a `.ply` file. Those that are not finite are left out.
+fn points_of(path: &Path) -> Result<Vec<DVec3>, FitError> {
+    let bytes = fs::read(path).map_err(FitError::io(path))?;
+    let read = || {
+        let ply = Ply::new(&bytes)?;
+        let mut rows = ply.rows("vertex")?.ok_or_else(|| Fault::found("header", "no element `vertex`", "points"))?;
+        let column = |name: &str| {
+            let found = format!("no property `{name}`");
+            rows.element.number(name).ok_or_else(|| Fault::found("vertex", found, "the properties x, y and z"))
+        };
+        let columns = [column("x")?, column("y")?, column("z")?];
+        let (mut points, mut row) = (Vec::with_capacity(rows.certain), Vec::new());
+        while rows.read(&mut row)? {
+            points.push(DVec3::from_array(columns.map(|column| row[column])));
+        }
+        points.retain(|point| point.is_finite());
+        Ok(points)
+    };
+    read().map_err(|Fault { what, found, expected }| FitError::found(path, what, found, expected))
 }
 
 /// A frame of the file.
@@ -106,7 +153,7 @@ fn view(
     common: &Camera,
     maker: &mut CameraMaker,
 ) -> Result<Listed, FitError> {
-    let own = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let own = own_folder(path);
     let folder = folders.pictures.as_deref().unwrap_or(own);
     let fault = |key: &str, found: String, expected: &str| {
         FitError::found(path, format!("frames[{index}].{key}"), found, expected)

@@ -3,6 +3,7 @@
 use std::{path::PathBuf, sync::Arc};
 
 use glam::{DMat3, DVec2, DVec3};
+use image::GrayImage;
 
 use super::lens::{Distortion, Lens};
 
@@ -30,6 +31,16 @@ pub struct ViewCamera {
     pub position: DVec3,
     /// Directions at the lattice's points, if the lens distorts.
     directions: Option<Arc<Directions>>,
+    /// Which pixels are known, if not all are.
+    known: Option<Known>,
+}
+
+/// Which pixels of a picture are known: those that are at least half bright in a mask.
+#[derive(Clone, Debug)]
+struct Known {
+    mask: Arc<GrayImage>,
+    /// How many pixels of the mask a pixel is wide.
+    downscale: u32,
 }
 
 /// Directions in the camera's frame, at the points of a lattice.
@@ -64,7 +75,8 @@ impl Directions {
 pub struct CameraMaker(Vec<(u32, u32, Lens, Arc<Directions>)>);
 
 impl CameraMaker {
-    /// Creates a camera, like [`ViewCamera::new`].
+    /// Creates a camera. Returns the point of the picture for which there is no direction if the lens is not defined
+    /// there.
     pub fn camera(
         &mut self,
         width: u32,
@@ -86,34 +98,50 @@ impl CameraMaker {
             }
             directions = Some(table);
         }
-        Ok(ViewCamera { width, height, lens, rotation, position, directions })
+        Ok(ViewCamera { width, height, lens, rotation, position, directions, known: None })
     }
 }
 
 impl ViewCamera {
-    /// Creates a camera. Returns the point of the picture for which there is no direction if the lens is not defined
-    /// there.
-    pub fn new(width: u32, height: u32, lens: Lens, rotation: DMat3, position: DVec3) -> Result<Self, DVec2> {
-        CameraMaker::default().camera(width, height, lens, rotation, position)
-    }
-
     /// Creates a camera with this lens, but without distortion.
     pub(in crate::fit) fn undistorted(width: u32, height: u32, lens: Lens, rotation: DMat3, position: DVec3) -> Self {
         let lens = Lens { distortion: Distortion::None, ..lens };
-        Self { width, height, lens, rotation, position, directions: None }
+        Self { width, height, lens, rotation, position, directions: None, known: None }
     }
 
-    /// Returns the camera for a picture downscaled by `factor` (0 counts as 1). Incomplete pixels at the edges are cut
-    /// off.
-    pub fn downscaled(&self, factor: u32) -> Result<Self, DVec2> {
-        self.downscaled_by(&mut CameraMaker::default(), factor)
-    }
-
-    /// The same, with a lens that cameras share.
+    /// Returns the camera for a picture downscaled by `factor` (0 counts as 1), with a lens that cameras share.
+    /// Incomplete pixels at the edges are cut off.
     pub(in crate::fit) fn downscaled_by(&self, maker: &mut CameraMaker, factor: u32) -> Result<Self, DVec2> {
         let factor = factor.max(1);
         let (width, height) = ((self.width / factor).max(1), (self.height / factor).max(1));
-        maker.camera(width, height, self.lens.downscaled(factor.into()), self.rotation, self.position)
+        let lens = self.lens.downscaled(factor.into());
+        let camera = maker.camera(width, height, lens, self.rotation, self.position)?;
+        let known = self.known.clone().map(|known| Known { downscale: known.downscale * factor, ..known });
+        Ok(ViewCamera { known, ..camera })
+    }
+
+    /// Sets which pixels are known: those that are white in a mask of the picture's size.
+    pub(super) fn set_known(&mut self, mask: Arc<GrayImage>) {
+        self.known = Some(Known { mask, downscale: 1 });
+    }
+
+    /// Returns whether some pixels are not known.
+    pub(in crate::fit) fn is_masked(&self) -> bool {
+        self.known.is_some()
+    }
+
+    /// Returns whether what the picture shows at a pixel is known.
+    #[inline]
+    pub(in crate::fit) fn knows(&self, x: u32, y: u32) -> bool {
+        let Some(Known { mask, downscale }) = &self.known else { return true };
+        let (left, top) = (x * downscale, y * downscale);
+        let (right, bottom) = ((left + downscale).min(mask.width()), (top + downscale).min(mask.height()));
+        (top..bottom).all(|y| (left..right).all(|x| mask.get_pixel(x, y)[0] >= 128))
+    }
+
+    /// Returns the same as [`Self::project`] if the picture is known there.
+    pub(in crate::fit) fn sees(&self, position: DVec3) -> Option<(DVec2, f64)> {
+        self.project(position).filter(|(point, _)| self.knows(point.x as u32, point.y as u32))
     }
 
     /// Returns the unit direction, in the field's frame, of the ray through a point of the picture.
@@ -186,7 +214,8 @@ mod tests {
                 let large = f64::from(scale);
                 let center = large * DVec2::new(203.0, 147.0);
                 let lens = Lens { focal: DVec2::splat(large * 300.0), center, distortion };
-                let camera = ViewCamera::new(402 * scale, 301 * scale, lens, DMat3::IDENTITY, DVec3::ZERO).unwrap();
+                let maker = &mut CameraMaker::default();
+                let camera = maker.camera(402 * scale, 301 * scale, lens, DMat3::IDENTITY, DVec3::ZERO).unwrap();
                 for at in [(0.5, 0.5), (13.2, 200.9), (401.5, 300.5), (203.0, 147.0), (399.0, 1.5), (222.5, 299.9)] {
                     let at = large * DVec2::from(at);
                     let (back, _) = camera.project(camera.direction(at)).unwrap();
@@ -194,6 +223,21 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// A pixel is known if all that it is the mean of are white in the mask, and only what is known is seen.
+    #[test]
+    fn known_pixels_are_white_in_the_mask() {
+        let lens = Lens { focal: DVec2::splat(4.0), center: DVec2::new(3.0, 1.0), distortion: Distortion::None };
+        let mut camera = ViewCamera::undistorted(6, 2, lens, DMat3::IDENTITY, DVec3::ZERO);
+        assert!(camera.knows(0, 0) && camera.sees(DVec3::new(-0.6, 0.0, -1.0)).is_some());
+        let mask = GrayImage::from_fn(6, 2, |x, _| image::Luma([if x < 3 { 0 } else { 255 }]));
+        camera.set_known(Arc::new(mask));
+        assert_eq!([0, 1, 2, 3, 4, 5].map(|x| camera.knows(x, 1)), [false, false, false, true, true, true]);
+        assert!(camera.project(DVec3::new(-0.6, 0.0, -1.0)).is_some());
+        assert_eq!([-0.6, 0.6].map(|x| camera.sees(DVec3::new(x, 0.0, -1.0)).is_some()), [false, true]);
+        let half = camera.downscaled_by(&mut CameraMaker::default(), 2).unwrap();
+        assert_eq!([0, 1, 2].map(|x| half.knows(x, 0)), [false, false, true]);
     }
 
     /// Cameras with the same lens share its directions, and those of a photograph of 12 megapixels take less than 3 MB.

@@ -185,7 +185,8 @@ fn render_tile<const B: usize>(scene: &Scene, tile: Tile, mut random: Random, sc
     }
     let middle_distance = (grid.cube().distance(view.camera.position) / grid.cell_size()) as f32;
     let mut ends = [(0usize, 0.0f32); (TILE * TILE) as usize];
-    let pixels = || (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y)));
+    let all = || (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y)));
+    let pixels = || all().filter(|(x, y)| view.camera.knows(*x, *y));
     for ((x, y), end) in pixels().zip(&mut ends) {
         let direction = view.camera.direction(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
         let ray = grid.ray(view.camera.position, direction);
@@ -358,7 +359,7 @@ mod tests {
         let back = DVec3::new(0.4, 0.7, 0.9).normalize();
         let right = DVec3::Y.cross(back).normalize();
         let rotation = DMat3::from_cols(right, back.cross(right), back);
-        let camera = ViewCamera::new(SIZE, SIZE, lens, rotation, 3.0 * back).unwrap();
+        let camera = ViewCamera::undistorted(SIZE, SIZE, lens, rotation, 3.0 * back);
         let pixels = (0..SIZE * SIZE)
             .map(|_| {
                 let a = random.unit();

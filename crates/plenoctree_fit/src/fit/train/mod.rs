@@ -170,13 +170,17 @@ fn learn_gains(gains: &mut [Vec3], sums: &[[Vec3; 2]]) {
     gains.iter_mut().for_each(|gain| *gain /= Vec3::from_array(mean));
 }
 
-/// Returns the tiles in which any corner sees a voxel.
+/// Returns the tiles in which any corner is known and sees a voxel.
 fn active_tiles(grid: &Grid, views: &[TrainView]) -> Vec<Tile> {
     let in_view = |(index, view): (usize, &TrainView)| {
         let camera = &view.camera;
         let (columns, rows) = (camera.width.div_ceil(TILE), camera.height.div_ceil(TILE));
         let sees = |x: u32, y: u32| {
-            let pixel = DVec2::new(x.min(camera.width - 1).into(), y.min(camera.height - 1).into()) + 0.5;
+            let (x, y) = (x.min(camera.width - 1), y.min(camera.height - 1));
+            if !camera.knows(x, y) {
+                return false;
+            }
+            let pixel = DVec2::new(x.into(), y.into()) + 0.5;
             let mut any = false;
             grid.march(&grid.ray(camera.position, camera.direction(pixel)), |_| {
                 any = true;

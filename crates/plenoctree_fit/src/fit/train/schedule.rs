@@ -99,7 +99,7 @@ impl Schedule {
         let stages = (0..count)
             .map(|index| Stage {
                 resolution: COARSEST << index,
-                rays: (RAYS[index] * 1e6 * settings.effort) as u64,
+                rays: ((RAYS[index] * 1e6 * settings.effort) as u64).max(1),
                 time: None,
                 tiles: [256, 512, 1024][index.min(2)],
                 prune_at: match index {
@@ -226,5 +226,21 @@ impl Stage {
     /// Returns the rate of the backdrop after a fraction of the stage.
     pub fn backdrop_rate(&self, fraction: f64) -> f32 {
         0.004 * 0.1f32.powf(fraction as f32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The least effort is still a part of the work, not a part of nothing.
+    #[test]
+    fn the_least_effort_has_shares() {
+        let settings = FitSettings { effort: 1e-12, ..FitSettings::default() };
+        let schedule = Schedule::new(&settings, 8, false);
+        let (before, share) = schedule.shares(1);
+        assert!(before > 0.0 && share > 0.0 && before + share < 1.0, "{before} {share}");
+        let positions = schedule.stages.iter().map(|stage| stage.fraction(&Position::default()));
+        assert!(positions.eq([0.0; 3]));
     }
 }

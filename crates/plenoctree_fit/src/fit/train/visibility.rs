@@ -195,7 +195,7 @@ impl<'a> Clear<'a> {
         let sign = |index: u32, axis: u32| if index >> axis & 1 == 1 { half } else { -half };
         let corner = |index| center + DVec3::new(sign(index, 0), sign(index, 1), sign(index, 2));
         distance < self.around && center.distance(grid.cube().middle()) < self.to_middle
-            || distance < self.in_view && (0..8).any(|index| self.camera.project(corner(index)).is_some())
+            || distance < self.in_view && (0..8).any(|index| self.camera.sees(corner(index)).is_some())
     }
 }
 
@@ -232,7 +232,7 @@ fn sparseness(cameras: usize) -> f64 {
     (cameras as f64 / MANY).max(1.0).sqrt()
 }
 
-/// Returns the points of the picture whose rays are about `spacing` cells apart in the middle of the grid, or
+/// Returns the known points of the picture whose rays are about `spacing` cells apart in the middle of the grid, or
 /// `sparseness` times that.
 fn pixels(grid: &Grid, camera: &ViewCamera, spacing: f64, sparseness: f64) -> impl Iterator<Item = DVec2> {
     let pixels = spacing * grid.cell_size() * camera.lens.focal.x / grid.cube().distance(camera.position);
@@ -240,7 +240,8 @@ fn pixels(grid: &Grid, camera: &ViewCamera, spacing: f64, sparseness: f64) -> im
     let count = move |size: u32| (f64::from(size) / step) as u32;
     let every = move |size: u32| (0..count(size)).map(move |index| (f64::from(index) + 0.5) * step);
     let width = camera.width;
-    every(camera.height).flat_map(move |y| every(width).map(move |x| DVec2::new(x, y)))
+    let all = every(camera.height).flat_map(move |y| every(width).map(move |x| DVec2::new(x, y)));
+    all.filter(|point| camera.knows(point.x as u32, point.y as u32))
 }
 
 /// Calls `visit` with the voxels that a ray sees, the transmittance of what is in front of them, and their weights.

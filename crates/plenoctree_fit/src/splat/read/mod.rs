@@ -1,32 +1,32 @@
 //! Reads captures, without trusting what a file claims.
 
-mod bytes;
 mod gltf;
+mod packed_ply;
 mod ply;
 mod settings;
 mod shared;
 mod sog;
+mod splat;
 mod spz;
 
 pub use settings::{SplatSettings, SpzAxes};
 
 use std::{fs, io, path::Path};
 
-use self::shared::Beside;
-use super::{
-    error::{Fault, SplatError},
-    splats::Splats,
-};
+use self::shared::{Beside, LARGEST_FILE};
+use super::{error::SplatError, splats::Splats};
+use crate::file::{Fault, printable, without_mark};
 
 /// The formats, for errors.
-const FORMATS: &str = "a capture: .ply, .spz, .sog, .glb, .gltf, or the meta.json of a SOG folder";
-/// Largest size of a file next to a capture, such as an image: 2 GiB.
-const LARGEST_FILE: u64 = 2 << 30;
+const FORMATS: &str = "a capture: .ply, .spz, .sog, .splat, .glb, .gltf, or the meta.json of a SOG folder";
+/// The same for formats that other programs convert.
+const CONVERTED: &str = "another capture: convert it to .ply or .sog with splat-transform or SuperSplat";
 
 impl Splats {
-    /// Reads a capture: a `.ply` file of 3D Gaussian splatting, SPZ (versions 2 to 4), SOG (a `.sog` file, its
-    /// `meta.json`, or the folder of it), or glTF with `KHR_gaussian_splatting`. The format is detected from the
-    /// content of the file.
+    /// Reads a capture: a `.ply` file of 3D Gaussian splatting, also one that PlayCanvas' tools compressed, SPZ
+    /// (versions 2 to 4), SOG (a `.sog` file, its `meta.json`, or the folder of it), glTF with
+    /// `KHR_gaussian_splatting`, or a `.splat` file. The format is detected from the content of the file, and that of
+    /// `.splat` files from the extension.
     ///
     /// All formats give the same coordinates for the same capture: those of the `.ply` file.
     ///
@@ -38,7 +38,7 @@ impl Splats {
         let path = if path.is_dir() { path.join("meta.json") } else { path.to_path_buf() };
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
         let file = path.display().to_string();
-        let bytes = fs::read(&path).map_err(|error| Fault::Io(error).of(&file))?;
+        let bytes = fs::read(&path).map_err(|source| SplatError::Io { file: printable(&file), source })?;
         Self::from_bytes(&bytes, &file, settings, &mut |name| {
             let beside = folder.join(name);
             if fs::metadata(&beside)?.len() > LARGEST_FILE {
@@ -48,15 +48,9 @@ impl Splats {
         })
     }
 
-    /// Returns whether a capture is an SPZ file that does not record its axes, so that [`Self::from_bytes`] takes those
-    /// of the settings. If they are wrong, the capture is upside down. False if it is damaged.
-    pub fn assumes_axes(bytes: &[u8]) -> bool {
-        spz::assumes_axes(bytes)
-    }
-
     /// Reads a capture from memory, like [`Self::read`].
     ///
-    /// `file` is its name in errors. `beside` reads a file next to it, because some formats consist of several files.
+    /// `file` is its name in errors, whose extension tells `.splat` files from others. `beside` reads a file next to it, because some formats consist of several files.
     ///
     /// # Errors
     ///
@@ -74,8 +68,12 @@ impl Splats {
             }
             beside(name).map_err(|error| Fault::found(name, error.to_string(), "a file next to it"))
         };
+        let bytes = without_mark(bytes);
+        let extension = Path::new(file).extension().unwrap_or_default().to_ascii_lowercase();
         let mut read = || {
             let splats = match bytes {
+                _ if extension == "splat" => splat::read(bytes),
+                _ if extension == "ksplat" => Err(Fault::found("format", "a .ksplat file", CONVERTED)),
                 [b'p', b'l', b'y', b'\n' | b'\r', ..] => ply::read(bytes),
                 [0x1f, 0x8b, ..] | [b'N', b'G', b'S', b'P', ..] => spz::read(bytes, settings.spz_axes),
                 [b'P', b'K', 3, 4, ..] => sog::read_bundle(bytes),
@@ -103,13 +101,15 @@ fn read_json(bytes: &[u8], beside: Beside) -> Result<Splats, Fault> {
         sog::read_meta(json, bytes.len() as u64, beside)
     } else if json.get("asset").is_some() {
         gltf::read_text(bytes, beside)
+    } else if json.get("lodLevels").is_some() || json.get("filenames").is_some() {
+        Err(sog::streamed("JSON"))
     } else {
         Err(Fault::found("JSON", "neither `means` nor `asset`", FORMATS))
     }
 }
 
 fn first_letter(bytes: &[u8]) -> Option<u8> {
-    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).iter().copied().find(|byte| !byte.is_ascii_whitespace())
+    bytes.iter().copied().find(|byte| !byte.is_ascii_whitespace())
 }
 
 /// Describes the start of a file.

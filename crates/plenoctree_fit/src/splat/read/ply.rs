@@ -2,38 +2,18 @@
 
 use glam::{Quat, Vec3};
 
-use super::{
-    bytes::{Bytes, Number},
-    shared::sigmoid,
+use super::{packed_ply, shared::sigmoid};
+use crate::{
+    file::{
+        Fault,
+        ply::{Element, Ply, Rows},
+    },
+    splat::{
+        axis::Axis,
+        harmonics::functions,
+        splats::{Gaussian, MOST_DEGREE, Splats},
+    },
 };
-use crate::splat::{
-    error::Fault,
-    harmonics::functions,
-    splats::{Gaussian, Splats},
-};
-
-/// Longest header.
-const MAX_HEADER: usize = 1 << 16;
-
-#[derive(Clone, Copy, PartialEq)]
-enum Encoding {
-    Ascii,
-    Little,
-    Big,
-}
-
-struct Element {
-    name: String,
-    count: u64,
-    properties: Vec<Property>,
-}
-
-struct Property {
-    name: String,
-    number: Number,
-    /// The type of the number of items, if the property is a list.
-    count: Option<Number>,
-}
 
 /// The properties of a vertex that matter, by their index.
 struct Columns {
@@ -48,89 +28,61 @@ struct Columns {
 }
 
 pub fn read(bytes: &[u8]) -> Result<Splats, Fault> {
-    let (encoding, elements, data) = header(bytes)?;
-    let Some(place) = elements.iter().position(|element| element.name == "vertex") else {
+    let ply = Ply::new(bytes)?;
+    let Some(mut rows) = ply.rows("vertex")? else {
         return Err(Fault::found("header", "no element `vertex`", "the vertices of 3D Gaussian splatting"));
     };
-    let vertex = &elements[place];
-    if vertex.properties.iter().any(|property| property.name.starts_with("packed_")) {
-        let expected = "properties that are not packed: convert the file with splat-transform";
-        return Err(Fault::found("vertex", "a compressed .ply file", expected));
-    }
-    let columns = Columns::find(vertex)?;
-    match encoding {
-        Encoding::Ascii => read_ascii(data, &elements[..place], vertex, &columns),
-        _ => read_binary(data, &elements[..place], vertex, &columns, encoding == Encoding::Big),
-    }
+    let mut splats = if rows.element.number("packed_position").is_some() {
+        packed_ply::read(&ply, &mut rows)?
+    } else {
+        read_vertices(&mut rows)?
+    };
+    let (antialiased, up) = described(&ply.comments);
+    splats.set_antialiased(antialiased);
+    splats.set_up(up);
+    Ok(splats)
 }
 
-/// Reads the header. Returns the data behind it.
-fn header(bytes: &[u8]) -> Result<(Encoding, Vec<Element>, &[u8]), Fault> {
-    let line_fault = |line: &str, expected: &str| Fault::found("header", format!("`{line}`"), expected);
-    let (mut encoding, mut elements) = (None, Vec::<Element>::new());
-    let mut rest = bytes;
-    loop {
-        let searched = &rest[..rest.len().min(MAX_HEADER.saturating_sub(bytes.len() - rest.len()))];
-        let Some(end) = searched.iter().position(|byte| *byte == b'\n') else {
-            return Err(Fault::found("header", "no end", "`end_header` within 64 KiB"));
-        };
-        let line = String::from_utf8_lossy(&rest[..end]);
-        rest = &rest[end + 1..];
-        let words: Vec<&str> = line.split_whitespace().collect();
-        match words[..] {
-            ["ply"] | [] | ["comment" | "obj_info", ..] => {}
-            ["format", name, _] => {
-                encoding = Some(match name {
-                    "ascii" => Encoding::Ascii,
-                    "binary_little_endian" => Encoding::Little,
-                    "binary_big_endian" => Encoding::Big,
-                    _ => return Err(line_fault(&line, "ascii, binary_little_endian or binary_big_endian")),
-                });
-            }
-            ["element", name, count] => {
-                let count = count.parse().map_err(|_| line_fault(&line, "a number of elements"))?;
-                elements.push(Element { name: name.into(), count, properties: Vec::new() });
-            }
-            ["property", "list", count, number, name] => {
-                let types = number_of(count).zip(number_of(number));
-                let (Some((count, number)), Some(element)) = (types, elements.last_mut()) else {
-                    return Err(line_fault(&line, "a list of a known type, in an element"));
-                };
-                element.properties.push(Property { name: name.into(), number, count: Some(count) });
-            }
-            ["property", number, name] => {
-                let (Some(number), Some(element)) = (number_of(number), elements.last_mut()) else {
-                    return Err(line_fault(&line, "a property of a known type, in an element"));
-                };
-                element.properties.push(Property { name: name.into(), number, count: None });
-            }
-            ["end_header"] => break,
-            _ => return Err(line_fault(&line, "a line of a PLY header")),
+fn read_vertices(rows: &mut Rows) -> Result<Splats, Fault> {
+    let columns = Columns::find(rows.element)?;
+    let mut splats = Splats::new(columns.degree);
+    splats.reserve(rows.certain);
+    let mut row = Vec::new();
+    while rows.read(&mut row)? {
+        columns.push(&mut splats, |index| row[index] as f32);
+    }
+    Ok(splats)
+}
+
+/// Returns whether comments say that the capture was trained with antialiasing, as Brush and Postshot write it, and the
+/// direction that they say is up, as Brush and nerfstudio write it. The last ones count.
+fn described(comments: &[String]) -> (bool, Option<Axis>) {
+    let (mut antialiased, mut up) = (false, None);
+    for comment in comments {
+        let comment = comment.to_ascii_lowercase();
+        if let Some(mode) = comment.strip_prefix("splatrendermode:") {
+            antialiased = mode.trim() == "mip";
+        } else if let Some(flag) = comment.strip_prefix("antialiased ") {
+            antialiased = flag.trim() == "1";
+        } else if let Some(axis) = comment.strip_prefix("vertical axis:") {
+            up = match axis.trim() {
+                "x" => Some(Axis::X),
+                // Brush means that of most captures.
+                "y" => Some(Axis::NegativeY),
+                "z" => Some(Axis::Z),
+                vector => {
+                    let numbers: Vec<f64> = vector.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+                    <[f64; 3]>::try_from(numbers).ok().and_then(|vector| Axis::nearest(vector.into()))
+                }
+            };
         }
     }
-    let encoding = encoding.ok_or_else(|| Fault::found("header", "no `format`", "a PLY header"))?;
-    Ok((encoding, elements, rest))
-}
-
-fn number_of(name: &str) -> Option<Number> {
-    Some(match name {
-        "char" | "int8" => Number::I8,
-        "uchar" | "uint8" => Number::U8,
-        "short" | "int16" => Number::I16,
-        "ushort" | "uint16" => Number::U16,
-        "int" | "int32" => Number::I32,
-        "uint" | "uint32" => Number::U32,
-        "float" | "float32" => Number::F32,
-        "double" | "float64" => Number::F64,
-        _ => return None,
-    })
+    (antialiased, up)
 }
 
 impl Columns {
     fn find(vertex: &Element) -> Result<Self, Fault> {
-        let find = |name: &str| {
-            vertex.properties.iter().position(|property| property.name == name && property.count.is_none())
-        };
+        let find = |name: &str| vertex.number(name);
         let required = |name: &str| {
             let expected = "the properties of 3D Gaussian splatting: x, y, z, scale_*, rot_*, opacity and f_dc_*";
             find(name).ok_or_else(|| Fault::found("vertex", format!("no property `{name}`"), expected))
@@ -142,7 +94,7 @@ impl Columns {
         };
         let per_channel = rest / 3;
         // Degree 4 has coefficients that nothing here evaluates.
-        let degree = degree.min(crate::splat::splats::MOST_DEGREE);
+        let degree = degree.min(MOST_DEGREE);
         let channel = |channel: usize| -> Result<Vec<usize>, Fault> {
             let dc = required(&format!("f_dc_{channel}"));
             let rest = (0..functions(degree) - 1).map(|k| required(&format!("f_rest_{}", channel * per_channel + k)));
@@ -176,107 +128,4 @@ impl Columns {
         }
         splats.push(gaussian, &coefficients[..count]);
     }
-}
-
-fn read_binary(
-    data: &[u8],
-    before: &[Element],
-    vertex: &Element,
-    columns: &Columns,
-    big_endian: bool,
-) -> Result<Splats, Fault> {
-    let mut data = Bytes::new(data);
-    for element in before {
-        skip_binary(&mut data, element, big_endian)?;
-    }
-    let mut splats = Splats::new(columns.degree);
-    if vertex.properties.iter().all(|property| property.count.is_none()) {
-        let mut offsets = Vec::with_capacity(vertex.properties.len());
-        let size = vertex.properties.iter().fold(0, |offset, property| {
-            offsets.push(offset);
-            offset + property.number.size()
-        });
-        let bytes = data.take(vertex.count.saturating_mul(size as u64), "vertex")?;
-        splats.reserve(vertex.count as usize);
-        for row in bytes.chunks_exact(size) {
-            columns.push(&mut splats, |index| {
-                vertex.properties[index].number.read(&row[offsets[index]..], big_endian) as f32
-            });
-        }
-    } else {
-        let mut row = Vec::new();
-        for _ in 0..vertex.count {
-            row.clear();
-            for property in &vertex.properties {
-                row.push(read_property(&mut data, property, big_endian, &vertex.name)?);
-            }
-            columns.push(&mut splats, |index| row[index] as f32);
-        }
-    }
-    Ok(splats)
-}
-
-fn skip_binary(data: &mut Bytes, element: &Element, big_endian: bool) -> Result<(), Fault> {
-    if element.properties.iter().all(|property| property.count.is_none()) {
-        let size: usize = element.properties.iter().map(|property| property.number.size()).sum();
-        data.take(element.count.saturating_mul(size as u64), &element.name)?;
-        return Ok(());
-    }
-    for _ in 0..element.count {
-        for property in &element.properties {
-            read_property(data, property, big_endian, &element.name)?;
-        }
-    }
-    Ok(())
-}
-
-/// Reads a number, or skips a list.
-fn read_property(data: &mut Bytes, property: &Property, big_endian: bool, what: &str) -> Result<f64, Fault> {
-    let Some(count) = property.count else {
-        return Ok(property.number.read(data.take(property.number.size() as u64, what)?, big_endian));
-    };
-    let items = count.read(data.take(count.size() as u64, what)?, big_endian);
-    if items < 0.0 || items.fract() != 0.0 {
-        return Err(Fault::found(what, format!("a list of {items} items"), "a whole number of items"));
-    }
-    data.take((items as u64).saturating_mul(property.number.size() as u64), what)?;
-    Ok(0.0)
-}
-
-fn read_ascii(data: &[u8], before: &[Element], vertex: &Element, columns: &Columns) -> Result<Splats, Fault> {
-    let mut words = data.split(|byte| byte.is_ascii_whitespace()).filter(|word| !word.is_empty());
-    let mut next = |what: &str| -> Result<f64, Fault> {
-        let word = words.next().ok_or_else(|| Fault::found(what, "the end of the file", "more numbers"))?;
-        let text = String::from_utf8_lossy(word);
-        text.parse().map_err(|_| Fault::found(what, format!("`{text}`"), "a number"))
-    };
-    let mut read_property = |property: &Property, what: &str| -> Result<f64, Fault> {
-        let first = next(what)?;
-        if property.count.is_some() {
-            if !(first >= 0.0 && first.fract() == 0.0) {
-                return Err(Fault::found(what, format!("a list of {first} items"), "a whole number of items"));
-            }
-            for _ in 0..first as u64 {
-                next(what)?;
-            }
-        }
-        Ok(first)
-    };
-    for element in before.iter().filter(|element| !element.properties.is_empty()) {
-        for _ in 0..element.count {
-            for property in &element.properties {
-                read_property(property, &element.name)?;
-            }
-        }
-    }
-    let mut splats = Splats::new(columns.degree);
-    let mut row = Vec::new();
-    for _ in 0..vertex.count {
-        row.clear();
-        for property in &vertex.properties {
-            row.push(read_property(property, "vertex")?);
-        }
-        columns.push(&mut splats, |index| row[index] as f32);
-    }
-    Ok(splats)
 }

@@ -13,11 +13,12 @@ pub struct SplatSettings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SpzAxes {
     /// Not known. Right, up and back are assumed, and [`Splats::assumes_axes`](crate::splat::Splats::assumes_axes) says
-    /// whether they are. The default.
+    /// so. The default.
     #[default]
     Unknown,
     /// Right, up and back, as the format specifies.
     RightUpBack,
-    /// Those of `.ply` files: right, down and front. splat-transform 3 writes such files.
+    /// Those of `.ply` files: right, down and front. splat-transform 3, SuperSplat and Niantic's `ply_to_spz` write such
+    /// files.
     RightDownFront,
 }

@@ -8,11 +8,13 @@ use serde::{Deserialize, Deserializer, de::Error};
 use serde_json::Value;
 use zip::{ZipArchive, result::ZipError};
 
-use super::shared::{Beside, check_count, sigmoid};
-use crate::splat::{
-    error::Fault,
-    harmonics::functions,
-    splats::{Gaussian, Splats},
+use super::shared::{Beside, check_count, sigmoid, without_largest};
+use crate::{
+    file::{Fault, without_mark},
+    splat::{
+        harmonics::functions,
+        splats::{Gaussian, Splats},
+    },
 };
 
 /// Centroids in a row of their image.
@@ -26,6 +28,8 @@ const MAX_META: u64 = 1 << 20;
 #[derive(Deserialize)]
 struct Meta {
     version: Option<u64>,
+    /// `antialiased` for captures that were trained so.
+    model: Option<Value>,
     /// In version 1, `means.shape` has it.
     count: Option<u64>,
     means: Means,
@@ -93,9 +97,18 @@ struct Image {
 pub fn read_bundle(bytes: &[u8]) -> Result<Splats, Fault> {
     let damaged = |error: ZipError| Fault::found("zip archive", error.to_string(), "a complete .sog bundle");
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(damaged)?;
-    let meta = archive.file_names().find(|name| name.rsplit('/').next() == Some("meta.json")).map(str::to_string);
-    let Some(meta) = meta else {
-        return Err(Fault::found("zip archive", "no meta.json", "a .sog bundle"));
+    let named = |name: &str| {
+        let is_named = |path: &&str| path.rsplit('/').next() == Some(name);
+        archive.file_names().filter(is_named).map(str::to_string).collect::<Vec<_>>()
+    };
+    let metas = named("meta.json");
+    let root = metas.iter().find(|meta| *meta == "meta.json");
+    let meta = match (root, &metas[..]) {
+        (Some(meta), _) | (None, [meta]) => meta.clone(),
+        (None, [] | [_, ..]) if metas.len() > 1 || !named("lod-meta.json").is_empty() => {
+            return Err(streamed("zip archive"));
+        }
+        _ => return Err(Fault::found("zip archive", "no meta.json", "a .sog bundle")),
     };
     let folder = meta.trim_end_matches("meta.json").to_string();
     let mut member = |name: &str, most: u64| -> Result<Vec<u8>, Fault> {
@@ -117,11 +130,17 @@ pub fn read_bundle(bytes: &[u8]) -> Result<Splats, Fault> {
         Ok(content)
     };
     let json = member("meta.json", MAX_META)?;
-    let json = serde_json::from_slice(&json)
+    let json = serde_json::from_slice(without_mark(&json))
         .map_err(|error| Fault::found("meta.json", error.to_string(), "the description of a SOG capture"))?;
     let size = bytes.len() as u64;
     // Images are compressed already.
     read_meta(json, size, &mut |name| member(name, 2 * size + MAX_META))
+}
+
+/// Returns the error that a file is a streamed SOG.
+pub fn streamed(what: &str) -> Fault {
+    let expected = "a capture of one level of detail: convert it with splat-transform";
+    Fault::found(what, "a streamed SOG, which has several captures", expected)
 }
 
 /// Reads what `meta.json` describes. `size` is the size of the whole in bytes, as far as it is known.
@@ -163,6 +182,7 @@ pub fn read_meta(json: Value, mut size: u64, beside: Beside) -> Result<Splats, F
     };
 
     let mut splats = Splats::new(palette.as_ref().map_or(0, |palette| palette.degree));
+    splats.set_antialiased(meta.model.as_ref().and_then(Value::as_str) == Some("antialiased"));
     splats.reserve(count);
     let (mins, maxs) = (Vec3::from_array(meta.means.mins), Vec3::from_array(meta.means.maxs));
     let mut coefficients = [Vec3::ZERO; 16];
@@ -224,15 +244,7 @@ fn between(min: f32, max: f32) -> [f32; 256] {
 /// Three parts of a quaternion, and which one is missing. The order is w, x, y, z.
 fn rotation([a, b, c, tag]: [u8; 4]) -> Quat {
     let Some(largest) = tag.checked_sub(252) else { return Quat::IDENTITY };
-    let [a, b, c] = [a, b, c].map(|byte| (f32::from(byte) / 255.0 * 2.0 - 1.0) * std::f32::consts::FRAC_1_SQRT_2);
-    let rest = (1.0 - a * a - b * b - c * c).max(0.0).sqrt();
-    let [w, x, y, z] = match largest {
-        0 => [rest, a, b, c],
-        1 => [a, rest, b, c],
-        2 => [a, b, rest, c],
-        _ => [a, b, c, rest],
-    };
-    Quat::from_xyzw(x, y, z, w)
+    without_largest([a, b, c].map(|byte| f32::from(byte) / 255.0), largest)
 }
 
 /// The higher harmonics: a label for each Gaussian, and the coefficients of each label.

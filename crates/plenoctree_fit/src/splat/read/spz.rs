@@ -6,11 +6,13 @@ use flate2::read::GzDecoder;
 use glam::{DAffine3, DMat3, DVec3, Quat, Vec3};
 use ruzstd::decoding::StreamingDecoder;
 
-use super::{bytes::Bytes, settings::SpzAxes, shared::check_count};
-use crate::splat::{
-    error::Fault,
-    harmonics::functions,
-    splats::{Gaussian, MOST_DEGREE, Splats},
+use super::{settings::SpzAxes, shared::check_count};
+use crate::{
+    file::{Bytes, Fault},
+    splat::{
+        harmonics::functions,
+        splats::{Gaussian, MOST_DEGREE, Splats},
+    },
 };
 
 const MAGIC: [u8; 4] = *b"NGSP";
@@ -18,6 +20,8 @@ const MAGIC: [u8; 4] = *b"NGSP";
 const MOST_STORED_DEGREE: u8 = 4;
 /// Factor by which colors are multiplied before they are stored.
 const COLOR_SCALE: f32 = 0.15;
+/// Flag: the capture was trained with antialiasing.
+const ANTIALIASED: u8 = 1;
 /// Flag: extensions follow.
 const EXTENSIONS: u8 = 2;
 /// The extension that records the axes.
@@ -56,13 +60,9 @@ pub fn read(bytes: &[u8], axes: SpzAxes) -> Result<Splats, Fault> {
         SpzAxes::RightDownFront => RIGHT_DOWN_FRONT,
     };
     let turn = to_right_down_front(recorded.unwrap_or(default))?;
-    Ok(if turn == DMat3::IDENTITY { splats } else { splats.transformed(DAffine3::from_mat3(turn)) })
-}
-
-/// Returns whether a capture's axes have to be assumed: whether it is an SPZ file that does not record them.
-pub fn assumes_axes(bytes: &[u8]) -> bool {
-    matches!(bytes, [0x1f, 0x8b, ..] | [b'N', b'G', b'S', b'P', ..])
-        && read_as_stored(bytes).is_ok_and(|(_, recorded)| recorded.is_none())
+    let mut splats = if turn == DMat3::IDENTITY { splats } else { splats.transformed(DAffine3::from_mat3(turn)) };
+    splats.set_assumes_axes(recorded.is_none() && axes == SpzAxes::Unknown);
+    Ok(splats)
 }
 
 /// Reads a file, and the axes that it records.
@@ -114,6 +114,9 @@ fn read_gzip(bytes: &[u8]) -> Result<(Header, Planes, Vec<u8>), Fault> {
     let mut start = Vec::new();
     let damaged = |error: std::io::Error| Fault::found("gzip stream", error.to_string(), "an SPZ file");
     inflated.by_ref().take(16).read_to_end(&mut start).map_err(damaged)?;
+    if start.starts_with(b"ply") {
+        return Err(Fault::found("gzip stream", "a compressed .ply file", "an SPZ file: unpack it, as with gunzip"));
+    }
     let header = parse_header(&mut Bytes::new(&start), bytes.len() as u64)?;
     if header.version > 3 {
         return Err(Fault::found("version", header.version.to_string(), "2 or 3 in a gzip stream"));
@@ -123,9 +126,14 @@ fn read_gzip(bytes: &[u8]) -> Result<(Header, Planes, Vec<u8>), Fault> {
     for ((plane, size), name) in planes.iter_mut().zip(header.sizes()).zip(names) {
         read_exactly(&mut inflated, header.count * size, plane, name)?;
     }
+    // To the end, where the checksum is.
     let mut extensions = Vec::new();
-    if header.flags & EXTENSIONS != 0 {
-        inflated.take(MAX_EXTENSIONS).read_to_end(&mut extensions).map_err(damaged)?;
+    inflated.take(MAX_EXTENSIONS + 1).read_to_end(&mut extensions).map_err(damaged)?;
+    if extensions.len() as u64 > MAX_EXTENSIONS {
+        return Err(Fault::found("extensions", "more", format!("at most {MAX_EXTENSIONS} bytes")));
+    }
+    if header.flags & EXTENSIONS == 0 {
+        extensions.clear();
     }
     Ok((header, Planes::new(planes), extensions))
 }
@@ -191,6 +199,7 @@ fn read_exactly(reader: &mut impl Read, count: usize, into: &mut Vec<u8>, what: 
 
 fn unpack(header: &Header, planes: &Planes) -> Splats {
     let mut splats = Splats::new(header.degree);
+    splats.set_antialiased(header.flags & ANTIALIASED != 0);
     splats.reserve(header.count);
     let unit = 0.5f32.powi(header.fractional_bits.into());
     let [.., rotation_size, stored] = header.sizes();

@@ -41,7 +41,8 @@ impl SplatImage {
 ///
 /// Each Gaussian is projected by the derivative of the projection at its center, and made wider by 0.3 square pixels,
 /// so that none falls between pixels. Gaussians are blended from front to back, in the order of their centers' depths,
-/// with an opacity of at most 0.99; below 1/255, they are left out. Those nearer than 0.01 units and than
+/// with an opacity of at most 0.99; below 1/255, they are left out. If the capture was trained with antialiasing
+/// ([`Splats::antialiased`]), opacities fall as areas grow. Those nearer than 0.01 units and than
 /// their own largest standard deviation are left out as well.
 pub fn render_splats(splats: &Splats, camera: &PinholeCamera) -> SplatImage {
     let (width, height) = (camera.width, camera.height);
@@ -96,8 +97,13 @@ mod tests {
             let row =
                 [DVec3::new(1.0, 0.0, -x) * camera.focal_x / at.z, DVec3::new(0.0, 1.0, -y) * camera.focal_y / at.z];
             let entry = |a: usize, b: usize| row[a].dot(covariance * row[b]);
-            let flat =
-                DMat2::from_cols_array(&[entry(0, 0) + 0.3, entry(0, 1), entry(0, 1), entry(1, 1) + 0.3]).inverse();
+            let own = DMat2::from_cols_array(&[entry(0, 0), entry(0, 1), entry(0, 1), entry(1, 1)]);
+            let blurred = own + DMat2::from_diagonal(DVec2::splat(0.3));
+            let flat = blurred.inverse();
+            let mut opacity = f64::from(gaussian.opacity);
+            if splats.antialiased() {
+                opacity *= (own.determinant() / blurred.determinant()).max(0.0).sqrt();
+            }
             let center = DVec2::new(
                 camera.focal_x * at.x / at.z + camera.center_x,
                 camera.focal_y * at.y / at.z + camera.center_y,
@@ -106,7 +112,7 @@ mod tests {
             for (number, pixel) in pixels.iter_mut().enumerate() {
                 let (column, line) = (number as u32 % camera.width, number as u32 / camera.width);
                 let offset = DVec2::new(f64::from(column) + 0.5, f64::from(line) + 0.5) - center;
-                let alpha = (f64::from(gaussian.opacity) * (-0.5 * offset.dot(flat * offset)).exp()).min(0.99);
+                let alpha = (opacity * (-0.5 * offset.dot(flat * offset)).exp()).min(0.99);
                 if alpha >= 1.0 / 255.0 {
                     (0..3).for_each(|channel| pixel[channel] += pixel[3] * alpha * f64::from(color[channel]));
                     pixel[3] *= 1.0 - alpha;
@@ -141,11 +147,13 @@ mod tests {
         fn images_are_those_of_the_reference(
             gaussians in prop::collection::vec(gaussian(), 1..60),
             degree in 0u32..4,
+            antialiased: bool,
             size in (20u32..70, 20u32..50),
             from in vector(-4.0, 4.0),
             off_center in -5.0f64..5.0,
         ) {
             let mut splats = Splats::new(degree);
+            splats.set_antialiased(antialiased);
             for (gaussian, coefficients) in &gaussians {
                 splats.push(*gaussian, &coefficients[..(degree as usize + 1).pow(2)]);
             }

@@ -58,10 +58,19 @@ pub fn project(splats: &Splats, index: usize, camera: &PinholeCamera) -> Option<
     let (across, down) = (scale * (axes * across), scale * (axes * down));
     let (xx, xy, yy) = (across.length_squared() + DILATION, across.dot(down), down.length_squared() + DILATION);
     let determinant = xx * yy - xy * xy;
+    let mut opacity = gaussian.opacity;
+    if splats.antialiased() {
+        // What it covers in all is that of the Gaussian without blur.
+        let own = (xx - DILATION) * (yy - DILATION) - xy * xy;
+        opacity *= (own / determinant).max(0.0).sqrt() as f32;
+        if opacity < FAINTEST {
+            return None;
+        }
+    }
     let conic = DVec3::new(yy, -xy, xx) / determinant;
     let center = DVec2::new(camera.focal_x * x / depth + camera.center_x, camera.focal_y * y / depth + camera.center_y);
     // Where the opacity falls below the faintest.
-    let square = 2.0 * f64::from(gaussian.opacity / FAINTEST).ln();
+    let square = 2.0 * f64::from(opacity / FAINTEST).ln();
     let reach = DVec2::new((square * xx).sqrt(), (square * yy).sqrt());
     let size = DVec2::new(camera.width.into(), camera.height.into());
     if !conic.is_finite() || (center + reach).cmplt(DVec2::ZERO).any() || (center - reach).cmpgt(size).any() {
@@ -71,7 +80,7 @@ pub fn project(splats: &Splats, index: usize, camera: &PinholeCamera) -> Option<
         depth: depth as f32,
         center: center.as_vec2(),
         conic: conic.as_vec3(),
-        opacity: gaussian.opacity,
+        opacity,
         color: splats.color(index, offset.normalize()),
         square: square as f32,
         reach: reach.as_vec2(),

@@ -27,8 +27,9 @@ impl<'a> Lattice<'a> {
     /// Prepares the Gaussians for the cube at `corner` whose finest cells, at this depth, have this `width`. They are
     /// blurred by this many cells.
     pub fn new(splats: &'a Splats, corner: DVec3, width: f64, depth: u32, blur: f64) -> Self {
-        let gaussians = (splats.gaussians().par_iter().enumerate())
-            .filter_map(|(index, gaussian)| CellGaussian::new(gaussian, index as u32, corner, width, 1 << depth, blur))
+        let gaussians = (0..splats.len() as u32)
+            .into_par_iter()
+            .filter_map(|index| CellGaussian::new(splats, index, corner, width, 1 << depth, blur))
             .collect();
         Self { splats, depth, gaussians, profile: Profile::new() }
     }
@@ -245,7 +246,7 @@ mod tests {
             let gaussian = Gaussian { position: Vec3::new(70.0, 50.0, 60.0), scale, rotation, opacity: 0.7 };
             let mut splats = Splats::new(0);
             splats.push(gaussian, &[Vec3::new(0.5, -0.2, 0.9)]);
-            let wide = CellGaussian::new(&gaussian, 0, DVec3::ZERO, 1.0, 128, 0.4).unwrap();
+            let wide = CellGaussian::new(&splats, 0, DVec3::ZERO, 1.0, 128, 0.4).unwrap();
             assert_eq!(wide.level.min(BLOCK), level);
             let profile = Profile::new();
             let mut largest = 0.0f32;

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3, Mat3, UVec3, Vec3};
 
 use super::optics::{MOST_OPACITY, area};
-use crate::splat::splats::Gaussian;
+use crate::splat::splats::Splats;
 
 /// Opacity below which a Gaussian is not drawn.
 const FAINTEST: f64 = 1.0 / 255.0;
@@ -39,17 +39,21 @@ impl CellGaussian {
     /// Returns the Gaussian in the cells of a cube, or `None` if it does not reach the cube or is invisible.
     ///
     /// `blur` is a standard deviation in cells by which it is made wider. Its opacity stays the same, as when it is
-    /// drawn, where it is blurred by half a pixel.
-    pub fn new(gaussian: &Gaussian, index: u32, corner: DVec3, width: f64, cells: u32, blur: f64) -> Option<Self> {
-        let opacity = f64::from(gaussian.opacity).min(MOST_OPACITY);
-        if opacity < FAINTEST {
-            return None;
-        }
+    /// drawn, where it is blurred by half a pixel, or falls as its area grows if the capture is antialiased.
+    pub fn new(splats: &Splats, index: u32, corner: DVec3, width: f64, cells: u32, blur: f64) -> Option<Self> {
+        let gaussian = splats.gaussians()[index as usize];
         let center = (gaussian.position.as_dvec3() - corner) / width;
         let axes = DMat3::from_quat(gaussian.rotation.as_dquat().normalize());
         let own = gaussian.scale.as_dvec3() / width;
         let widths = (own * own + blur * blur).map(f64::sqrt);
-        let reach = (2.0 * (f64::from(gaussian.opacity) / FAINTEST).ln() + 1.0).clamp(REACH[0], REACH[1]);
+        let mut opacity = f64::from(gaussian.opacity);
+        if splats.antialiased() {
+            opacity *= area(own) / area(widths).max(f64::MIN_POSITIVE);
+        }
+        if opacity < FAINTEST {
+            return None;
+        }
+        let reach = (2.0 * (opacity / FAINTEST).ln() + 1.0).clamp(REACH[0], REACH[1]);
         let square = |widths: DVec3| axes * DMat3::from_diagonal(widths * widths) * axes.transpose();
         let covariance = square(widths);
         let extent = (DVec3::new(covariance.x_axis.x, covariance.y_axis.y, covariance.z_axis.z) * reach).map(f64::sqrt);
@@ -64,7 +68,7 @@ impl CellGaussian {
             center: center.as_vec3(),
             inverse: square(widths.recip()).as_mat3(),
             reach: reach as f32,
-            opacity: opacity as f32,
+            opacity: opacity.min(MOST_OPACITY) as f32,
             scale: (area(widths) / widths.element_product()) as f32,
             extent: extent.as_vec3(),
             level: (widths.min_element() / SMOOTH).log2().max(0.0) as u32,

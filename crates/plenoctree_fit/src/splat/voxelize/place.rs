@@ -80,12 +80,6 @@ impl Place {
         cells
     }
 
-    /// Returns the error that there are too many cells at a depth.
-    pub fn too_many(&self, settings: &VoxelSettings) -> SplatError {
-        let found = format!("{} with more than {MOST_CELLS} cells", settings.depth);
-        fault("depth", found, "a lower depth, fewer leaves or a smaller box")
-    }
-
     /// Returns the error that there are no cells.
     pub fn empty(&self) -> SplatError {
         SplatError::Empty { place: format!("the box from {:.3} to {:.3}", self.low, self.high) }
@@ -116,6 +110,12 @@ impl Place {
         let field = field.thinned(least_density(frame));
         if field.leaves() == 0 { Err(self.empty()) } else { Ok(field) }
     }
+}
+
+/// Returns the error that there are too many cells at a depth.
+pub fn too_many(depth: u32) -> SplatError {
+    let found = format!("{depth} with more than {MOST_CELLS} cells");
+    fault("depth", found, "a lower depth, fewer leaves or a smaller box")
 }
 
 /// Returns the error of a setting.

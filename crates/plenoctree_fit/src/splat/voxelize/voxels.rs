@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::{
     blocks::{Block, Lattice},
     coarse::Coarse,
-    place::{DEPTHS, MOST_CELLS, Place, fault},
+    place::{DEPTHS, MOST_CELLS, Place, fault, too_many},
     settings::{BLUR, FAINTEST, THINNEST, VoxelSettings, per_cell},
     sight::look,
 };
@@ -109,7 +109,7 @@ impl Voxels {
             },
         );
         if count.into_inner() > MOST_CELLS {
-            return Err(place.too_many(settings));
+            return Err(too_many(settings.depth));
         }
         let mut cells = Cells::joined(parts);
         let sights = look(&cells, 1 << depth);

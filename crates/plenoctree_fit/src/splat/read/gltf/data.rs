@@ -3,9 +3,9 @@
 use std::borrow::Cow;
 
 use super::document::Document;
-use crate::splat::{
-    error::Fault,
-    read::{bytes::Number, shared::Beside},
+use crate::{
+    file::{Fault, Number},
+    splat::read::shared::{Beside, LARGEST_FILE},
 };
 
 /// Returns the content of all buffers, and adds the sizes of those that are not in the file to `size`.
@@ -16,6 +16,7 @@ pub fn read_buffers<'a>(
     beside: Beside,
 ) -> Result<Vec<Cow<'a, [u8]>>, Fault> {
     let mut buffers = Vec::new();
+    let mut read = 0;
     for (index, buffer) in document.buffers.iter().enumerate() {
         let what = format!("buffers[{index}]");
         let content = match (&buffer.uri, binary) {
@@ -26,6 +27,11 @@ pub fn read_buffers<'a>(
                     Some((_, data)) => base64(data, &what)?,
                     None => beside(&unescaped(uri))?,
                 };
+                // Many buffers may be the same file.
+                read += content.len() as u64;
+                if read > LARGEST_FILE {
+                    return Err(Fault::found("buffers", format!("{read} bytes"), "at most 2 GiB in all"));
+                }
                 *size += content.len() as u64;
                 content.into()
             }

@@ -6,7 +6,7 @@ use glam::{DAffine3, DMat4, DQuat, DVec3};
 use serde::Deserialize;
 use serde_json::Value;
 
-use crate::splat::error::Fault;
+use crate::file::Fault;
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]

@@ -14,14 +14,15 @@ use self::{
     document::{Document, Primitive},
 };
 use super::{
-    bytes::Bytes,
     shared::{Beside, check_count},
     spz,
 };
-use crate::splat::{
-    error::Fault,
-    harmonics::functions,
-    splats::{Gaussian, MOST_DEGREE, Splats},
+use crate::{
+    file::{Bytes, Fault},
+    splat::{
+        harmonics::functions,
+        splats::{Gaussian, MOST_DEGREE, Splats},
+    },
 };
 
 const EXTENSION: &str = "KHR_gaussian_splatting";
@@ -78,7 +79,9 @@ fn read(json: &[u8], binary: Option<&[u8]>, mut size: u64, beside: Beside) -> Re
         for (index, primitive) in document.meshes[mesh].primitives.iter().enumerate() {
             if let Some(part) = file.primitive(primitive, &format!("meshes[{mesh}].primitives[{index}]"))? {
                 found = true;
-                check_count("nodes", (splats.len() + part.len()) as u64, size)?;
+                // Each of them takes time, also if it is damaged.
+                let all = splats.len() + splats.dropped() + part.len() + part.dropped();
+                check_count("nodes", all as u64, size)?;
                 splats.append(&part.transformed(turn * transform));
             }
         }
@@ -174,13 +177,15 @@ impl File<'_> {
             }
         }
 
+        // In drafts of the extension, scales were logarithms.
+        let is_draft = (0..count).any(|index| scales.get::<3>(index).iter().any(|scale| *scale < 0.0));
         let mut splats = Splats::new(degree);
         splats.reserve(count);
         let mut coefficients = [Vec3::ZERO; 16];
         for index in 0..count {
             let gaussian = Gaussian {
                 position: Vec3::from_array(positions.get(index)),
-                scale: Vec3::from_array(scales.get(index)),
+                scale: Vec3::from_array(if is_draft { scales.get(index).map(f32::exp) } else { scales.get(index) }),
                 rotation: Quat::from_array(rotations.get(index)),
                 opacity: opacities.get::<1>(index)[0],
             };

@@ -1,6 +1,6 @@
 //! Reads numbers and parts from the front of a byte string.
 
-use crate::splat::error::Fault;
+use super::fault::Fault;
 
 /// Bytes that are read from the front.
 pub struct Bytes<'a> {
