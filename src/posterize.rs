@@ -91,9 +91,9 @@ pub struct Posterize {
 #[type_path = "bevy_plenoctree"]
 pub enum EdgeSmoothing {
     /// The labels of the prop are blended with the background by the share of an edge pixel that the prop covers, in
-    /// linear light, like the edges of multisampled meshes: section 4 of the method, step 6. The opacity around the pixel says how much that is
-    /// ([`PropQuality::estimates_edges`](crate::PropQuality::estimates_edges)), or else several rays through it do
-    /// ([`PropQuality::edge_rays`](crate::PropQuality::edge_rays)). This is the default.
+    /// linear light, like the edges of multisampled meshes: section 4 of the method, step 6. The opacity around the
+    /// pixel says how much that is ([`PropQuality::estimates_edges`](crate::PropQuality::estimates_edges)), or else
+    /// several rays through it do ([`PropQuality::edge_rays`](crate::PropQuality::edge_rays)). This is the default.
     #[default]
     Coverage,
     /// The ray through the center of a pixel decides for the whole pixel, as in the paper.

@@ -64,8 +64,8 @@ pub struct PropQuality {
     /// Defaults to 8. Values below 8 count as 4, and larger ones as 8.
     pub edge_rays: u32,
     /// Whether to estimate how much of an edge pixel a prop covers from the opacity around it, where that suffices,
-    /// instead of casting rays. It suffices where cells are larger than two or three pixels, and no other prop is near: opacity then
-    /// changes gradually across edges. That leaves about 0.03 more of the error of hard edges.
+    /// instead of casting rays. It suffices where cells are larger than two or three pixels, and no other prop is near:
+    /// opacity then changes gradually across edges. That leaves about 0.03 more of the error of hard edges.
     ///
     /// Defaults to true, unlike [`EXACT`](Self::EXACT).
     pub estimates_edges: bool,

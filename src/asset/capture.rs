@@ -21,8 +21,8 @@ use serde::{Deserialize, Serialize};
 use super::progress::FilesRead;
 use crate::background::{self, on_cores};
 
-/// Loads captures of Gaussian splats as [`PlenOctree`] assets: `.ply`, `.spz`, `.sog` and `.splat` files, and others whose
-/// `.meta` file names this loader, such as glTF with `KHR_gaussian_splatting`, or the `meta.json` file of SOG.
+/// Loads captures of Gaussian splats as [`PlenOctree`] assets: `.ply`, `.spz`, `.sog` and `.splat` files, and others
+/// whose `.meta` file names this loader, such as glTF with `KHR_gaussian_splatting`, or the `meta.json` file of SOG.
 ///
 /// The Gaussians are added up in the cells of a field, in the background. That takes seconds, and fields of captures
 /// are large, so pack them with the asset processor ([`PackSaver`](crate::PackSaver)), or convert them with `plenoctree
@@ -67,7 +67,8 @@ pub struct CaptureSettings {
     /// Keep only the largest connected part, without floaters and backgrounds. Off by default.
     pub keep_largest: bool,
     /// The direction that is up in the capture: the field is turned upright, and placed on the origin.
-    /// [`Axis::NegativeY`] by default. With `None`, the field keeps the coordinates of the capture.
+    /// [`Axis::NegativeY`] by default, with a warning if the file says otherwise. With `None`, the field keeps the
+    /// coordinates of the capture.
     pub stand: Option<Axis>,
     /// The axes of an SPZ file that does not record them. With [`SpzAxes::Unknown`], the default,
     /// [`SpzAxes::RightUpBack`], with a warning: splat-transform 3, SuperSplat and Niantic's `ply_to_spz` write
@@ -196,7 +197,7 @@ fn convert(
             );
         }
         if let Some(up) = splats.up().filter(|up| settings.stand == Some(Axis::default()) && *up != Axis::default()) {
-            warn!("{file} says that {up} is up; load it with `stand: Some({up:?})`, or it lies on its side");
+            warn!("{file} says that {up} is up; load it with `stand: Some({up:?})`, or it does not stand upright");
         }
         settings.field(splats)
     }))

@@ -22,7 +22,8 @@ use crate::background::{self, on_cores};
 
 /// Packs the fields of an app whose [`AssetMode`] is [`Processed`](AssetMode::Processed), so that the game ships small
 /// files without a manual step. [`PlenOctreePlugin`](crate::PlenOctreePlugin) makes it the default for `.npz` files if
-/// the feature `pack` is enabled, and for captures (`.ply`, `.spz`, `.sog` and `.splat` files) if the feature `splat` is, too.
+/// the feature `pack` is enabled, and for captures (`.ply`, `.spz`, `.sog` and `.splat` files) if the feature `splat`
+/// is, too.
 ///
 /// A file's `.meta` file can set its [`PackSettings`] and the settings of its loader, or convert a capture in another
 /// kind of file, such as glTF, to a field. Loading is unchanged: the paths of the source file and of the palette next

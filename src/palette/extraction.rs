@@ -59,9 +59,10 @@ pub enum PaletteSampler {
 pub struct PaletteExtraction {
     /// The settings of extractions. Extractions that are already running keep theirs.
     ///
-    /// Defaults to [`ExtractionSettings::default`]: tones, from all leaves. The method is that of the first posterized prop or view of the field that names one
-    /// ([`Posterize::method`](crate::Posterize::method)), unless the extraction was [requested](Self::request). If all
-    /// of them name other methods before the palette is ready, the extraction starts over.
+    /// Defaults to [`ExtractionSettings::default`]: tones, from all leaves. The method is that of the first posterized
+    /// prop or view of the field that names one ([`Posterize::method`](crate::Posterize::method)), unless the
+    /// extraction was [requested](Self::request). If all of them name other methods before the palette is ready, the
+    /// extraction starts over.
     pub settings: ExtractionSettings,
     /// The processor that samples fields.
     ///

@@ -28,7 +28,7 @@ enum Axes {
 pub fn refuse(path: &Path) -> Result {
     if ["ply", "spz", "sog", "splat"]
         .iter()
-        .any(|capture| path.extension().is_some_and(|extension| extension == *capture))
+        .any(|capture| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(capture)))
     {
         return Err(format!("{}: found a capture of Gaussian splats; use `plenoctree convert`", path.display()).into());
     }

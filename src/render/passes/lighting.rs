@@ -175,8 +175,8 @@ pub(super) fn plugin(render_app: &mut SubApp) {
     );
 }
 
-/// Returns the layout of what the shaders of lights and fog, and what they import from Bevy, read of its mesh view, at the
-/// same places.
+/// Returns the layout of what the shaders of lights and fog, and what they import from Bevy, read of its mesh view, at
+/// the same places.
 pub(in crate::render) fn lights_layout() -> BindGroupLayoutDescriptor {
     let [tonemapping_texture, tonemapping_sampler] = get_lut_bind_group_layout_entries();
     let lights = BindGroupLayoutEntries::with_indices(

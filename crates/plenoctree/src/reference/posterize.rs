@@ -121,8 +121,8 @@ pub fn posterize(
         .collect()
 }
 
-/// Flattens the colors of a rendering over `background` with the bilateral filter: section 4 of the method, step 2. Thin pixels are left
-/// as rendered. In tone space, the others have the colors of the field alone, without the background.
+/// Flattens the colors of a rendering over `background` with the bilateral filter: section 4 of the method, step 2. Thin
+/// pixels are left as rendered. In tone space, the others have the colors of the field alone, without the background.
 pub fn filter(rendering: &Rendering, background: DVec3, settings: &Posterization) -> Vec<DVec3> {
     let thin: Vec<bool> = rendering.opacity.iter().map(|&a| a < settings.min_opacity).collect();
     let mut image = rendering.over(background);

@@ -104,7 +104,8 @@ fn what_a_file_records_can_be_overridden() {
 }
 
 /// With recorded histograms, the hull and the fitted palette of the packed field are those of the field, also if it is
-/// packed again, and although its leaves would give others. Tones look at the field itself. Read with other settings, it is not the field in the file any more.
+/// packed again, and although its leaves would give others. Tones look at the field itself. Read with other
+/// settings, it is not the field in the file any more.
 #[test]
 fn palettes_stay() {
     // Four colors, which one palette suits best.

@@ -31,8 +31,8 @@ pub struct Comparison {
     pub aligned_psnr: f64,
 }
 
-/// Renders the field, as it is written to files, with the reference's march in float64, and compares. What is not known
-/// is black in both.
+/// Renders the field, as it is written to files, with the reference's march in float64, and compares what is known.
+/// The rest is black in both.
 pub fn compare(
     field: &PlenOctree,
     backdrop: &Backdrop,
@@ -56,8 +56,8 @@ pub fn compare(
         })
         .unzip();
     let squared: f64 = rendered.iter().zip(&photographed).map(|(a, b)| a.distance_squared(*b)).sum();
-    let known = (0..width * height).filter(|pixel| camera.knows(pixel % width, pixel / width)).count();
-    let count = 3.0 * known.max(1) as f64;
+    let known = |pixel: usize| camera.knows(pixel as u32 % width, pixel as u32 / width);
+    let count = 3.0 * (0..rendered.len()).filter(|pixel| known(*pixel)).count().max(1) as f64;
     let gain: DVec3 = {
         let product: DVec3 = rendered.iter().zip(&photographed).map(|(a, b)| *a * *b).sum();
         let square: DVec3 = rendered.iter().map(|a| *a * *a).sum();
@@ -74,7 +74,7 @@ pub fn compare(
         photographed: bytes(&photographed),
         rendered: bytes(&rendered),
         psnr: decibels(squared / count),
-        ssim: ssim(&rendered, &photographed, width as usize),
+        ssim: ssim_where(&rendered, &photographed, width as usize, known),
         aligned_psnr: decibels(aligned / count),
     }
 }
@@ -117,18 +117,24 @@ pub fn decibels(mean_squared: f64) -> f64 {
 ///
 /// Panics if the images do not consist of whole rows.
 pub fn ssim(a: &[DVec3], b: &[DVec3], width: usize) -> f64 {
+    ssim_where(a, b, width, |_| true)
+}
+
+/// Returns the mean over some of the pixels.
+fn ssim_where(a: &[DVec3], b: &[DVec3], width: usize, counts: impl Fn(usize) -> bool) -> f64 {
     let (c1, c2) = (0.01f64.powi(2), 0.03f64.powi(2));
     let blurred = |f: &dyn Fn(DVec3, DVec3) -> DVec3| blur(a.iter().zip(b).map(|(a, b)| f(*a, *b)).collect(), width);
     let (mean_a, mean_b) = (blurred(&|a, _| a), blurred(&|_, b| b));
     let (aa, bb, ab) = (blurred(&|a, _| a * a), blurred(&|_, b| b * b), blurred(&|a, b| a * b));
-    let sum: DVec3 = (0..a.len())
-        .map(|i| {
+    let pixels: Vec<usize> = (0..a.len()).filter(|pixel| counts(*pixel)).collect();
+    let sum: DVec3 = (pixels.iter())
+        .map(|&i| {
             let (ma, mb) = (mean_a[i], mean_b[i]);
             let (va, vb, cov) = (aa[i] - ma * ma, bb[i] - mb * mb, ab[i] - ma * mb);
             (2.0 * ma * mb + c1) * (2.0 * cov + c2) / ((ma * ma + mb * mb + c1) * (va + vb + c2))
         })
         .sum();
-    sum.element_sum() / (3.0 * a.len() as f64)
+    sum.element_sum() / (3.0 * pixels.len().max(1) as f64)
 }
 
 /// Blurs an image with a Gaussian window of 11 x 11 pixels. At the edges, the window is cut off.
@@ -158,6 +164,20 @@ fn blur(image: Vec<DVec3>, width: usize) -> Vec<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What does not count does not help either.
+    #[test]
+    fn similarity_is_that_of_the_pixels_that_count() {
+        let image = |seed: u64| -> Vec<DVec3> {
+            let mut random = plenoctree::random::Random::new(seed);
+            (0..64 * 64).map(|at| if at % 64 < 32 { DVec3::ZERO } else { DVec3::splat(random.unit().into()) }).collect()
+        };
+        let (a, b) = (image(1), image(2));
+        let all = ssim(&a, &b, 64);
+        // Away from the border between both halves.
+        let noise = ssim_where(&a, &b, 64, |at| at % 64 >= 40);
+        assert!(all > 0.4 && noise < 0.1, "{all} {noise}");
+    }
 
     /// An image is identical to itself, hardly similar to noise, and less similar to a copy the more that is shifted.
     #[test]

@@ -255,8 +255,11 @@ fn key(input: &FitInput, settings: &FitSettings) -> u64 {
         // Folders may move, so paths do not count.
         let View { name, mask, camera, .. } = view;
         let ViewCamera { width, height, lens, rotation, position, .. } = camera;
-        let is_masked = [mask.is_some(), camera.is_masked()];
-        format!("{name:?} {is_masked:?} {width} {height} {lens:?} {rotation:?} {position:?}").hash(&mut hasher);
+        let is_masked = mask.is_some();
+        if camera.is_masked() {
+            "ignored".hash(&mut hasher);
+        }
+        format!("{name:?} {is_masked} {width} {height} {lens:?} {rotation:?} {position:?}").hash(&mut hasher);
     }
     input.points.iter().for_each(|point| point.to_array().map(f64::to_bits).hash(&mut hasher));
     let FitSettings { leaves, depth, basis, downscale, bounds, background, hold_out, stand, .. } = settings;

@@ -243,7 +243,9 @@ impl Splats {
             wider.append(self);
             *self = wider;
         }
-        self.antialiased = other.antialiased && (self.antialiased || self.is_empty());
+        if !other.is_empty() {
+            self.antialiased = other.antialiased && (self.antialiased || self.is_empty());
+        }
         self.reserve(other.len());
         for (index, gaussian) in other.gaussians.iter().enumerate() {
             self.push(*gaussian, other.coefficients(index));

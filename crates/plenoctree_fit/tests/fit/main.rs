@@ -93,7 +93,8 @@ fn opaque_pictures_are_fitted() {
     assert!((dark / bright - 0.8).abs() < 0.05, "{dark} {bright}");
 }
 
-/// Writes the pictures with noise in their left quarter, transparent if they have opacity, and frames that all name one mask, which is black there.
+/// Writes the pictures with noise in their left quarter, transparent if they have opacity, and frames that all name one
+/// mask, which is black there.
 fn photographed_with_mask(test: &str, background: Option<scene::Background>) -> PathBuf {
     let (folder, cameras) = (folder(test), cameras(32));
     write_pictures(&folder, &cameras, background, |_| 1.0);

@@ -185,6 +185,8 @@ fn other_formats_are_named() {
     assert!(message.contains("a .ksplat file") && message.contains("splat-transform"), "{message}");
     let message = read_as(&[1; 63], "capture.splat").unwrap_err().to_string();
     assert!(message.contains("a .splat file of 63 bytes"), "{message}");
+    // Numbers, not a byte order mark.
+    assert!(read_as(&[&b"\xef\xbb\xbf"[..], &[0x3c; 61]].concat(), "capture.splat").is_ok());
 }
 
 /// Files that are not captures, or not supported ones, are named.

@@ -191,8 +191,8 @@ fn lens(file: &Path, camera: u64, model: &str, p: &[f64]) -> Result<Lens, FitErr
         "RADIAL_FISHEYE" => (one_focal(), Distortion::Fisheye([p[3], p[4], 0.0, 0.0])),
         other => {
             let expected = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, \
-                            SIMPLE_FISHEYE, FISHEYE, SIMPLE_RADIAL_FISHEYE or RADIAL_FISHEYE (or undistort the pictures with COLMAP's \
-                            image_undistorter)";
+                            SIMPLE_FISHEYE, FISHEYE, SIMPLE_RADIAL_FISHEYE or RADIAL_FISHEYE (or undistort the \
+                            pictures with COLMAP's image_undistorter)";
             return Err(FitError::found(file, what, format!("model {other}"), expected));
         }
     };

@@ -14,7 +14,7 @@ pub enum Distortion {
         /// p1 and p2.
         tangential: [f64; 2],
     },
-    /// OpenCV's rational model: `radial` are k1 to k6, of a polynomial in the squared radius that is divided by another.
+    /// OpenCV's rational model: a polynomial in the squared radius, divided by another.
     Rational {
         /// k1 to k6.
         radial: [f64; 6],

@@ -50,7 +50,8 @@ impl Splats {
 
     /// Reads a capture from memory, like [`Self::read`].
     ///
-    /// `file` is its name in errors, whose extension tells `.splat` files from others. `beside` reads a file next to it, because some formats consist of several files.
+    /// `file` is its name in errors, whose extension tells `.splat` files from others. `beside` reads a file next to it,
+    /// because some formats consist of several files.
     ///
     /// # Errors
     ///
@@ -68,17 +69,16 @@ impl Splats {
             }
             beside(name).map_err(|error| Fault::found(name, error.to_string(), "a file next to it"))
         };
-        let bytes = without_mark(bytes);
         let extension = Path::new(file).extension().unwrap_or_default().to_ascii_lowercase();
         let mut read = || {
             let splats = match bytes {
-                _ if extension == "splat" => splat::read(bytes),
-                _ if extension == "ksplat" => Err(Fault::found("format", "a .ksplat file", CONVERTED)),
                 [b'p', b'l', b'y', b'\n' | b'\r', ..] => ply::read(bytes),
-                [0x1f, 0x8b, ..] | [b'N', b'G', b'S', b'P', ..] => spz::read(bytes, settings.spz_axes),
+                [0x1f, 0x8b, 8, ..] | [b'N', b'G', b'S', b'P', ..] => spz::read(bytes, settings.spz_axes),
                 [b'P', b'K', 3, 4, ..] => sog::read_bundle(bytes),
                 [b'g', b'l', b'T', b'F', ..] => gltf::read_binary(bytes, &mut beside),
-                _ if first_letter(bytes) == Some(b'{') => read_json(bytes, &mut beside),
+                _ if extension == "splat" => splat::read(bytes),
+                _ if extension == "ksplat" => Err(Fault::found("format", "a .ksplat file", CONVERTED)),
+                _ if first_letter(without_mark(bytes)) == Some(b'{') => read_json(without_mark(bytes), &mut beside),
                 _ => Err(Fault::found("format", start(bytes), FORMATS)),
             }?;
             if splats.is_empty() {

@@ -50,7 +50,9 @@ pub fn read(ply: &Ply, vertices: &mut Rows) -> Result<Splats, Fault> {
         return Err(Fault::found("sh", format!("{stored} properties"), "9, 24 or 45"));
     };
     let mut splats = Splats::new(degree);
-    splats.reserve(vertices.certain);
+    if harmonics.as_ref().is_none_or(|rows| rows.certain >= vertices.certain) {
+        splats.reserve(vertices.certain);
+    }
     let (mut row, mut bytes) = (Vec::new(), Vec::new());
     let mut coefficients = [Vec3::ZERO; 16];
     for index in 0.. {

@@ -65,15 +65,18 @@ fn described(comments: &[String]) -> (bool, Option<Axis>) {
         } else if let Some(flag) = comment.strip_prefix("antialiased ") {
             antialiased = flag.trim() == "1";
         } else if let Some(axis) = comment.strip_prefix("vertical axis:") {
-            up = match axis.trim() {
-                "x" => Some(Axis::X),
+            let words: Vec<&str> = axis.split_whitespace().collect();
+            up = match words[..] {
+                ["x", ..] => Some(Axis::X),
                 // Brush means that of most captures.
-                "y" => Some(Axis::NegativeY),
-                "z" => Some(Axis::Z),
-                vector => {
-                    let numbers: Vec<f64> = vector.split_whitespace().filter_map(|word| word.parse().ok()).collect();
-                    <[f64; 3]>::try_from(numbers).ok().and_then(|vector| Axis::nearest(vector.into()))
+                ["y", ..] => Some(Axis::NegativeY),
+                ["z", ..] => Some(Axis::Z),
+                [x, y, z] => {
+                    let numbers: Result<Vec<f64>, _> = [x, y, z].map(str::parse).into_iter().collect();
+                    let vector = numbers.ok().and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
+                    vector.and_then(|vector| Axis::nearest(vector.into()))
                 }
+                _ => None,
             };
         }
     }

@@ -129,11 +129,11 @@ fn read_gzip(bytes: &[u8]) -> Result<(Header, Planes, Vec<u8>), Fault> {
     // To the end, where the checksum is.
     let mut extensions = Vec::new();
     inflated.take(MAX_EXTENSIONS + 1).read_to_end(&mut extensions).map_err(damaged)?;
-    if extensions.len() as u64 > MAX_EXTENSIONS {
-        return Err(Fault::found("extensions", "more", format!("at most {MAX_EXTENSIONS} bytes")));
-    }
     if header.flags & EXTENSIONS == 0 {
         extensions.clear();
+    }
+    if extensions.len() as u64 > MAX_EXTENSIONS {
+        return Err(Fault::found("extensions", "more", format!("at most {MAX_EXTENSIONS} bytes")));
     }
     Ok((header, Planes::new(planes), extensions))
 }

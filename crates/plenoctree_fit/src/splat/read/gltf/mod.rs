@@ -177,8 +177,9 @@ impl File<'_> {
             }
         }
 
-        // In drafts of the extension, scales were logarithms.
-        let is_draft = (0..count).any(|index| scales.get::<3>(index).iter().any(|scale| *scale < 0.0));
+        // In drafts of the extension, scales were logarithms, nearly all of which are negative.
+        let negative = (0..count).filter(|index| scales.get::<3>(*index).iter().any(|scale| *scale < 0.0)).count();
+        let is_draft = 2 * negative > count;
         let mut splats = Splats::new(degree);
         splats.reserve(count);
         let mut coefficients = [Vec3::ZERO; 16];
