@@ -21,6 +21,9 @@ use serde::{Deserialize, Serialize};
 use super::progress::FilesRead;
 use crate::background::{self, on_cores};
 
+/// The extensions of captures that need no `.meta` file.
+pub(super) const EXTENSIONS: [&str; 4] = ["ply", "spz", "sog", "splat"];
+
 /// Loads captures of Gaussian splats as [`PlenOctree`] assets: `.ply`, `.spz`, `.sog` and `.splat` files, and others
 /// whose `.meta` file names this loader, such as glTF with `KHR_gaussian_splatting`, or the `meta.json` file of SOG.
 ///
@@ -139,7 +142,7 @@ impl AssetLoader for CaptureLoader {
     }
 
     fn extensions(&self) -> &[&str] {
-        &["ply", "spz", "sog", "splat"]
+        &EXTENSIONS
     }
 }
 

@@ -16,7 +16,7 @@ use bevy::{
 use plenoctree::{LoadSettings, PackSettings, Packed, PlenOctree, sampling::Progress};
 
 #[cfg(feature = "splat")]
-use super::capture::CaptureLoader;
+use super::capture::{CaptureLoader, EXTENSIONS};
 use super::loader::PlenOctreeLoader;
 use crate::background::{self, on_cores};
 
@@ -78,7 +78,7 @@ pub(crate) fn register(app: &mut App) {
     #[cfg(feature = "splat")]
     {
         app.register_asset_processor(CaptureProcessor::from(PackSaver));
-        for extension in ["ply", "spz", "sog", "splat"] {
+        for extension in EXTENSIONS {
             app.set_default_asset_processor::<CaptureProcessor>(extension);
         }
     }

@@ -116,6 +116,11 @@ impl Element {
         self.properties.iter().position(|property| property.name == name && property.count.is_none())
     }
 
+    /// Returns the index of a property that is a number. `expected` describes all that there should be, in errors.
+    pub fn required(&self, name: &str, expected: &str) -> Result<usize, Fault> {
+        self.number(name).ok_or_else(|| Fault::found(&self.name, format!("no property `{name}`"), expected))
+    }
+
     /// Returns the number of rows that have anything in them.
     fn rows(&self) -> u64 {
         if self.properties.is_empty() { 0 } else { self.count }

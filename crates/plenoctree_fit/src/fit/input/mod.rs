@@ -71,10 +71,6 @@ impl FitInput {
         // The order of files varies, so sort them by name, with numbers in numeric order.
         input.views.sort_by_cached_key(|view| natural(&view.name));
         if let Some(folder) = &folders.masks {
-            // They replace those of the input.
-            if input.ignored.take().is_some() {
-                input.notes.pop();
-            }
             for view in &mut input.views {
                 view.mask = Some(mask_in(folder, &view.name, &view.picture)?);
             }

@@ -97,11 +97,13 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
             None => notes.push(format!("ply_file_path: no file {name}, so the points of the scene are not known")),
         }
     }
-    // nerfstudio writes the same mask to every frame, for parts of a lens or of a rig. Masks of objects differ.
+    // nerfstudio writes the same mask to every frame, for parts of a lens or of a rig. Masks of objects differ. Those of a
+    // folder replace either.
     let mut ignored = None;
     let mut masks = file.frames.iter().map(|frame| frame.mask_path.as_ref());
     if let Some(Some(first)) = masks.next()
         && file.frames.len() > 1
+        && folders.masks.is_none()
         && masks.all(|mask| mask == Some(first))
     {
         notes.push(format!("all frames have the mask {first}, so what is black in it is ignored"));
@@ -123,10 +125,7 @@ fn points_of(path: &Path) -> Result<Vec<DVec3>, FitError> {
     let read = || {
         let ply = Ply::new(&bytes)?;
         let mut rows = ply.rows("vertex")?.ok_or_else(|| Fault::found("header", "no element `vertex`", "points"))?;
-        let column = |name: &str| {
-            let found = format!("no property `{name}`");
-            rows.element.number(name).ok_or_else(|| Fault::found("vertex", found, "the properties x, y and z"))
-        };
+        let column = |name| rows.element.required(name, "the properties x, y and z");
         let columns = [column("x")?, column("y")?, column("z")?];
         let (mut points, mut row) = (Vec::with_capacity(rows.certain), Vec::new());
         while rows.read(&mut row)? {

@@ -31,13 +31,7 @@ struct Chunk {
 /// Reads a file, of which `vertices` are the packed Gaussians.
 pub fn read(ply: &Ply, vertices: &mut Rows) -> Result<Splats, Fault> {
     let chunks = chunks(ply)?;
-    let required = |name: &str| {
-        let found = format!("no property `{name}`");
-        vertices
-            .element
-            .number(name)
-            .ok_or_else(|| Fault::found("vertex", found, "the properties of a compressed .ply"))
-    };
+    let required = |name| vertices.element.required(name, "the properties of a compressed .ply");
     let columns = [
         required("packed_position")?,
         required("packed_rotation")?,

@@ -87,8 +87,8 @@ impl Columns {
     fn find(vertex: &Element) -> Result<Self, Fault> {
         let find = |name: &str| vertex.number(name);
         let required = |name: &str| {
-            let expected = "the properties of 3D Gaussian splatting: x, y, z, scale_*, rot_*, opacity and f_dc_*";
-            find(name).ok_or_else(|| Fault::found("vertex", format!("no property `{name}`"), expected))
+            vertex
+                .required(name, "the properties of 3D Gaussian splatting: x, y, z, scale_*, rot_*, opacity and f_dc_*")
         };
         let rest = (0..).take_while(|index| find(&format!("f_rest_{index}")).is_some()).count();
         let Some(degree) = (0..=4u32).find(|&degree| 3 * (functions(degree) - 1) == rest) else {

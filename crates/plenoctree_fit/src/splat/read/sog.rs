@@ -105,7 +105,7 @@ pub fn read_bundle(bytes: &[u8]) -> Result<Splats, Fault> {
     let root = metas.iter().find(|meta| *meta == "meta.json");
     let meta = match (root, &metas[..]) {
         (Some(meta), _) | (None, [meta]) => meta.clone(),
-        (None, [] | [_, ..]) if metas.len() > 1 || !named("lod-meta.json").is_empty() => {
+        _ if metas.len() > 1 || !named("lod-meta.json").is_empty() => {
             return Err(streamed("zip archive"));
         }
         _ => return Err(Fault::found("zip archive", "no meta.json", "a .sog bundle")),
