@@ -24,13 +24,33 @@ pub struct PaletteEditor<'w, 's> {
 type PropData = (
     &'static Prop,
     Option<&'static mut Posterize>,
-    Option<&'static StashedPosterize>,
+    Option<&'static Stashed<Posterize>>,
+    Option<&'static Stashed<PaletteOverride>>,
     Option<&'static mut PaletteOverride>,
 );
 
-/// The settings of a prop whose [`Posterize`] was removed, to restore when it is added again.
+/// A component that was removed from a prop, to restore when it is added again.
 #[derive(Component)]
-struct StashedPosterize(Posterize);
+struct Stashed<C: Component>(C);
+
+/// Adds or removes a component. If this removed it, adding it restores it.
+fn toggle<C: Component + Clone + Default>(
+    prop: &mut EntityCommands,
+    current: Option<&C>,
+    stashed: Option<&Stashed<C>>,
+    wanted: bool,
+) {
+    match (current, wanted) {
+        (None, true) => {
+            let restored = stashed.map(|stashed| stashed.0.clone()).unwrap_or_default();
+            prop.try_insert(restored).try_remove::<Stashed<C>>();
+        }
+        (Some(current), false) => {
+            prop.try_insert(Stashed(current.clone())).try_remove::<C>();
+        }
+        _ => {}
+    }
+}
 
 impl PaletteEditor<'_, '_> {
     /// Returns whether `prop` is posterized.
@@ -43,19 +63,8 @@ impl PaletteEditor<'_, '_> {
     ///
     /// Does nothing if the entity is not a [`Prop`].
     pub fn set_posterized(&mut self, prop: Entity, posterized: bool) {
-        let Ok((_, settings, stashed, _)) = self.props.get(prop) else {
-            return;
-        };
-        let mut prop = self.commands.entity(prop);
-        match (settings, posterized) {
-            (None, true) => {
-                let settings = stashed.map(|stashed| stashed.0).unwrap_or_default();
-                prop.try_insert(settings).try_remove::<StashedPosterize>();
-            }
-            (Some(settings), false) => {
-                prop.try_insert(StashedPosterize(*settings)).try_remove::<Posterize>();
-            }
-            _ => {}
+        if let Ok((_, settings, stashed, ..)) = self.props.get(prop) {
+            toggle(&mut self.commands.entity(prop), settings, stashed, posterized);
         }
     }
 
@@ -68,7 +77,7 @@ impl PaletteEditor<'_, '_> {
     pub(super) fn posterize(&self, prop: Entity) -> Posterize {
         match self.props.get(prop) {
             Ok((_, Some(settings), ..)) => *settings,
-            Ok((_, _, Some(stashed), _)) => stashed.0,
+            Ok((_, _, Some(stashed), ..)) => stashed.0,
             _ => Posterize::default(),
         }
     }
@@ -85,13 +94,10 @@ impl PaletteEditor<'_, '_> {
         self.props.get(prop).ok().and_then(|(.., own)| own)
     }
 
-    /// Adds or removes the [`PaletteOverride`] of `prop`.
+    /// Adds or removes the [`PaletteOverride`] of `prop`. If it was removed by this function, adding it restores it.
     pub(super) fn set_own_colors(&mut self, prop: Entity, own: bool) {
-        let mut prop = self.commands.entity(prop);
-        if own {
-            prop.try_insert(PaletteOverride::default());
-        } else {
-            prop.try_remove::<PaletteOverride>();
+        if let Ok((.., stashed, colors)) = self.props.get(prop) {
+            toggle(&mut self.commands.entity(prop), colors, stashed, own);
         }
     }
 

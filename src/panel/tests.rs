@@ -187,8 +187,11 @@ fn overrides_affect_one_prop() {
     let own = panel.world.get::<PaletteOverride>(panel.prop).unwrap();
     assert_eq!((own.get(0), own.get(1)), (None, Some(Color::srgb(0.0, 1.0, 0.0))));
     assert_eq!(panel.shown(), field);
+    let own = own.clone();
     panel.click("Override colors");
     assert!(panel.world.get::<PaletteOverride>(panel.prop).is_none());
+    panel.click("Override colors");
+    assert_eq!(panel.world.get(panel.prop), Some(&own));
 }
 
 #[test]

@@ -2,7 +2,8 @@
 
 use bevy::prelude::*;
 use bevy_egui::{
-    EguiContext, EguiContexts, EguiPlugin, EguiPrimaryContextPass, EguiSchedule, PrimaryEguiContext, egui,
+    EguiContext, EguiContexts, EguiGlobalSettings, EguiPlugin, EguiPrimaryContextPass, EguiSchedule,
+    PrimaryEguiContext, egui,
 };
 
 use super::{contents::palette_ui, editor::PaletteEditor};
@@ -49,7 +50,8 @@ pub struct PalettePanel {
     pub prop: Option<Entity>,
     /// The camera in whose view the window is shown. This makes it bevy_egui's primary context, so everything else that
     /// your app shows in `EguiPrimaryContextPass` moves there as well. If it is `None`, or not a camera, the window is
-    /// shown in the existing primary context: the first camera that was spawned, unless your app chooses another one.
+    /// shown in the existing primary context: the first active camera and, once that is despawned, another one. If your
+    /// app clears `EguiGlobalSettings::auto_create_primary_context` at the start, it chooses the primary context.
     ///
     /// Defaults to `None`.
     pub camera: Option<Entity>,
@@ -65,14 +67,25 @@ impl Default for PalettePanel {
     }
 }
 
-/// Makes the camera of the panel the primary context.
+/// Makes the camera of the panel the primary context or, if there is none, an active one.
+///
+/// Replaces bevy_egui's own choice, which is made only once, and even if another camera has been chosen.
 fn choose_camera(
     mut commands: Commands,
     panel: Res<PalettePanel>,
-    cameras: Query<(), With<Camera>>,
+    mut settings: ResMut<EguiGlobalSettings>,
+    mut is_automatic: Local<bool>,
+    cameras: Query<(Entity, &Camera)>,
     primary: Query<Entity, With<PrimaryEguiContext>>,
 ) {
-    let Some(camera) = panel.camera.filter(|camera| cameras.contains(*camera) && !primary.contains(*camera)) else {
+    if settings.auto_create_primary_context {
+        settings.auto_create_primary_context = false;
+        *is_automatic = true;
+    }
+    let chosen = panel.camera.filter(|camera| cameras.contains(*camera));
+    let active = cameras.iter().find(|(_, camera)| camera.is_active).map(|(camera, _)| camera);
+    let camera = chosen.or(active.filter(|_| *is_automatic && primary.is_empty()));
+    let Some(camera) = camera.filter(|camera| !primary.contains(*camera)) else {
         return;
     };
     for other in &primary {

@@ -22,17 +22,15 @@ fn covered(frame: &RgbaImage) -> [usize; 2] {
     })
 }
 
-#[test]
-fn the_panel_is_shown_in_the_chosen_view() {
+/// Returns an app with a left and a right view.
+fn views() -> (Headless, [Entity; 2]) {
     let mut headless = Headless::new(SIZE, |app| {
         app.add_plugins((PlenOctreePlugin, PalettePanelPlugin));
     })
     .unwrap();
-    // bevy_egui would make two cameras that exist before the first frame primary, and panic.
-    headless.update();
     let target = headless.target();
     let world = headless.app.world_mut();
-    let [left, right] = [0, 1].map(|index| {
+    let cameras = [0, 1].map(|index| {
         let camera = world.spawn((exact_camera(Color::srgb_u8(0, 128, 255)), target.clone())).id();
         let mut settings = world.get_mut::<Camera>(camera).unwrap();
         settings.order = index;
@@ -43,17 +41,36 @@ fn the_panel_is_shown_in_the_chosen_view() {
         });
         camera
     });
+    (headless, cameras)
+}
+
+/// Chooses a view, and returns how many pixels of the left and the right one show something.
+fn show(headless: &mut Headless, camera: Option<Entity>) -> [usize; 2] {
+    headless.app.world_mut().resource_mut::<PalettePanel>().camera = camera;
     headless.wait_until_ready(Duration::from_secs(60)).unwrap();
-    let mut show = |camera| {
-        headless.app.world_mut().resource_mut::<PalettePanel>().camera = camera;
-        (0..5).for_each(|_| headless.update());
-        covered(&headless.capture().unwrap())
-    };
-    let [first, second] = show(None);
+    (0..5).for_each(|_| headless.update());
+    covered(&headless.capture().unwrap())
+}
+
+#[test]
+fn the_panel_is_shown_in_the_chosen_view() {
+    let (mut headless, [left, right]) = views();
+    let [first, second] = show(&mut headless, None);
     assert!(first > 1000 && second == 0, "in the first view: {first}, {second}");
     for (camera, is_right) in [(right, true), (left, false), (right, true)] {
-        let [a, b] = show(Some(camera));
+        let [a, b] = show(&mut headless, Some(camera));
         let (shown, hidden) = if is_right { (b, a) } else { (a, b) };
         assert!(shown > 1000 && hidden == 0, "right: {is_right}: {a}, {b}");
     }
+}
+
+/// A view may be chosen before the first frame. Once its camera is gone, the panel moves to another one.
+#[test]
+fn the_panel_leaves_a_view_that_is_gone() {
+    let (mut headless, [_, right]) = views();
+    let [left, chosen] = show(&mut headless, Some(right));
+    assert!(left == 0 && chosen > 1000, "in the right view: {left}, {chosen}");
+    headless.app.world_mut().despawn(right);
+    let [left, _] = show(&mut headless, Some(right));
+    assert!(left > 1000, "in the left view: {left}");
 }
