@@ -9,8 +9,9 @@ use plenoctree::{MeshError, PlenOctree};
 
 /// Returns the surface of the solid parts of a field as a mesh, for colliders, navigation or shadows.
 ///
-/// It is in the frame of the field's [`Prop`](crate::Prop), with y up, so add it to the same entity or to a child of
-/// it. [`PlenOctree::surface_mesh`] describes the arguments, and returns plain vertices and triangles.
+/// It is in the frame of the field's [`Prop`](crate::Prop), with y up. Add a collider of it to the same entity, but a
+/// `Mesh3d` to a child: Bevy would cull the prop by the box of the mesh, which leaves out what is not solid.
+/// [`PlenOctree::surface_mesh`] describes the arguments, and returns plain vertices and triangles.
 ///
 /// This takes a while for a large field or small cells. In a running app, call it from a task.
 ///
