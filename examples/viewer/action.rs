@@ -33,7 +33,7 @@ pub enum Action {
 pub enum Colors {
     /// The shown colors.
     Shown,
-    /// The source colors.
+    /// The palette: its source colors, and those that it shows.
     Source,
     /// The shown colors if the file has as many colors as the palette, otherwise the source colors of a new palette.
     Either,

@@ -14,7 +14,8 @@ use std::{
 
 use bevy::{prelude::*, render::renderer::RenderDevice};
 use bevy_plenoctree::{
-    FieldPalette, FieldTooLarge, GpuField, LoadSettings, Palette, Palettes, PlenOctree, Posterize, Prop,
+    FieldPalette, FieldTooLarge, GpuField, LoadSettings, Palette, PaletteOverride, Palettes, PlenOctree, Posterize,
+    Prop,
 };
 use plenoctree::{ReadError, palette::PaletteFileError};
 
@@ -28,7 +29,7 @@ use crate::{
 #[derive(Resource)]
 pub struct Loader {
     settings: LoadSettings,
-    /// The palette of the first field, if the command line names one.
+    /// The palette of the first file, if the command line names one.
     palette: Option<Palette>,
     reading: Option<Reading>,
     shown: Option<Shown>,
@@ -38,6 +39,8 @@ pub struct Loader {
 struct Reading {
     path: PathBuf,
     version: Option<Version>,
+    /// A palette to use instead of the one next to the field.
+    palette: Option<Palette>,
     read: Arc<AtomicU64>,
     thread: JoinHandle<Result<Arrival, ReadError>>,
 }
@@ -86,6 +89,8 @@ impl Loader {
     }
 
     fn start(&mut self, path: PathBuf) {
+        // Before reading: if the file changes meanwhile, it is read again.
+        let version = version(&path);
         let read = Arc::new(AtomicU64::new(0));
         let (settings, counter, file) = (self.settings.clone(), read.clone(), path.clone());
         // Not in Bevy's task pools, which this would block.
@@ -96,7 +101,7 @@ impl Loader {
             let palette = beside.exists().then(|| Palette::read(beside));
             Ok(Arrival { field, extent, palette })
         });
-        self.reading = Some(Reading { version: version(&path), path, read, thread });
+        self.reading = Some(Reading { path, version, palette: self.palette.take(), read, thread });
     }
 }
 
@@ -139,13 +144,11 @@ pub fn arrive(
     let Some(reading) = loader.reading.take_if(|reading| reading.thread.is_finished()) else {
         return;
     };
-    let Reading { path, version, thread, .. } = reading;
+    let Reading { path, version, palette: chosen, thread, .. } = reading;
     let result = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-    let again = loader.shown.as_ref().is_some_and(|shown| shown.path == path);
-    if let Some(shown) = loader.shown.as_mut().filter(|_| again) {
-        // Do not read a broken file again until it changes.
-        shown.version = version;
-    }
+    let again = loader.shown.as_mut().filter(|shown| shown.path == path);
+    // Do not read a broken file again until it changes.
+    let before = again.map(|shown| std::mem::replace(&mut shown.version, version));
     let Arrival { field, extent, palette } = match result {
         Ok(arrival) => arrival,
         Err(error) => return notices.error(error.to_string()),
@@ -157,23 +160,30 @@ pub fn arrive(
         return notices.error(format!("{}: {error}", path.display()));
     }
     notices.forget_errors();
+    if before == Some(version) {
+        return notices.info(format!("{} has not changed", path.display()));
+    }
     let prop = props.iter().next();
-    if let Some((_, prop)) = prop.filter(|_| again) {
+    if let (Some((_, prop)), Some(shown)) = (prop, loader.shown.as_mut().filter(|_| before.is_some())) {
         match fields.insert(&prop.0, field) {
-            Ok(()) => notices.info(format!("Reloaded {}, which has changed", path.display())),
+            Ok(()) => {
+                shown.extent = extent;
+                notices.info(format!("Reloaded {}, which has changed", path.display()));
+            }
             Err(error) => notices.error(error.to_string()),
         }
         return;
     }
     let field = fields.add(field);
-    match loader.palette.take().map(Ok).or(palette) {
+    match chosen.map(Ok).or(palette) {
         Some(Ok(palette)) => palettes.insert(&field, FieldPalette::new(palette)),
         Some(Err(error)) => notices.error(error.to_string()),
         None => {}
     }
     match prop {
         Some((entity, _)) => {
-            commands.entity(entity).insert(Prop(field));
+            // The former field's colors are not those of this one.
+            commands.entity(entity).insert(Prop(field)).remove::<PaletteOverride>();
         }
         None => {
             commands.spawn((Prop(field), Posterize::default()));

@@ -15,7 +15,7 @@ pub fn palette_beside(field: &Path) -> PathBuf {
     field.with_extension("palette.json")
 }
 
-/// Returns the file for the shown colors. Games must not load them as source colors, so they have their own file.
+/// Returns the file for the colors that the prop shows. Unlike the other one, games do not load it by themselves.
 pub fn shown_beside(field: &Path) -> PathBuf {
     field.with_extension("shown.palette.json")
 }
@@ -25,16 +25,16 @@ pub fn transfer(
     mut actions: MessageReader<Action>,
     mut palettes: ResMut<Palettes>,
     mut notices: ResMut<Notices>,
-    props: Query<(&Prop, Option<&PaletteOverride>)>,
+    mut props: Query<(&Prop, Option<&mut PaletteOverride>)>,
 ) {
     for action in actions.read() {
-        let prop = props.iter().next().ok_or("No field is loaded yet.".to_string());
+        let prop = props.iter_mut().next().ok_or("No field is loaded yet.".to_string());
         let (path, result) = match action {
             Action::Save(path, colors) => {
-                (path, prop.and_then(|(Prop(field), own)| save(path, *colors, palettes.get(field), own)))
+                (path, prop.and_then(|(Prop(field), own)| save(path, *colors, palettes.get(field), own.as_deref())))
             }
             Action::Load(path, colors) => {
-                (path, prop.and_then(|(Prop(field), _)| load(path, *colors, field.id(), &mut palettes)))
+                (path, prop.and_then(|(Prop(field), own)| load(path, *colors, field.id(), &mut palettes, own)))
             }
             _ => continue,
         };
@@ -52,19 +52,19 @@ fn save(
     palette: Option<&FieldPalette>,
     own: Option<&PaletteOverride>,
 ) -> Result<&'static str, String> {
-    let palette = palette.ok_or("There is no palette to save yet.")?;
-    let (saved, what) = match colors {
-        Colors::Source => (palette.palette().clone(), "Saved the source colors"),
-        Colors::Shown | Colors::Either => (shown(palette, own), "Saved the shown colors"),
+    let mut saved = palette.ok_or("There is no palette to save yet.")?.clone();
+    let what = match colors {
+        // Overrides belong to the prop.
+        Colors::Source => "Saved the palette",
+        Colors::Shown | Colors::Either => {
+            if let Some(own) = own {
+                saved.show(own.shown(&saved));
+            }
+            "Saved the shown colors"
+        }
     };
-    saved.write(path).map_err(|error| error.to_string())?;
+    saved.save(path).map_err(|error| error.to_string())?;
     Ok(what)
-}
-
-fn shown(palette: &FieldPalette, own: Option<&PaletteOverride>) -> Palette {
-    let colors = own.map_or_else(|| palette.shown().to_vec(), |own| own.shown(palette));
-    let colors = colors.into_iter().map(|color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from)).collect();
-    Palette { colors, method: None, ..palette.palette().clone() }
 }
 
 /// Returns a message that says what was done.
@@ -73,15 +73,18 @@ fn load(
     colors: Colors,
     field: AssetId<PlenOctree>,
     palettes: &mut Palettes,
+    own: Option<Mut<PaletteOverride>>,
 ) -> Result<&'static str, String> {
     let read = Palette::read(path).map_err(|error| error.to_string())?;
     let found = read.colors.len();
     let fitting = palettes.get(field).is_some_and(|palette| palette.shown().len() == found);
     match (colors, palettes.get_mut(field)) {
         (Colors::Shown | Colors::Either, Some(palette)) if fitting => {
-            palette.show(
-                read.shown_colors().iter().map(|color| Color::from(Srgba::from_vec3(DVec3::from(*color).as_vec3()))),
-            );
+            let shown = read.shown_colors().iter().map(|color| Srgba::from_vec3(DVec3::from(*color).as_vec3()));
+            match own {
+                Some(mut own) => shown.enumerate().for_each(|(index, color)| _ = own.set(index, color)),
+                None => palette.show(shown),
+            }
             Ok("Loaded the shown colors")
         }
         (Colors::Shown, Some(palette)) => {

@@ -137,8 +137,13 @@ fn field_section(
 fn file_section(ui: &mut egui::Ui, state: &mut PanelState, actions: &mut MessageWriter<Action>) {
     ui.strong("Files");
     let rows = [
-        ("Source", Colors::Source, &mut state.source, "The palette. Games load it from this file, next to the field"),
-        ("Shown", Colors::Shown, &mut state.shown, "The colors that are shown instead of the source colors"),
+        (
+            "Source",
+            Colors::Source,
+            &mut state.source,
+            "The palette, with its shown colors. Games load it from this file, next to the field",
+        ),
+        ("Shown", Colors::Shown, &mut state.shown, "The colors that this prop shows instead of the source colors"),
     ];
     for (label, colors, path, hint) in rows {
         ui.horizontal(|ui| {
