@@ -3,6 +3,8 @@
 use bevy::prelude::*;
 use bevy_plenoctree::{BlendSpace, Palette, PaletteOverride, Palettes, Prop};
 
+use crate::night::{Night, paint_by_night};
+
 pub fn plugin(app: &mut App) {
     app.init_resource::<Night>()
         .add_message::<Hit>()
@@ -15,14 +17,6 @@ const DAY: f32 = 12.0;
 const SWING: f32 = 2.0;
 /// The duration of a flash, in seconds.
 const FLASH: f32 = 0.4;
-
-/// How far night has fallen: 0 at noon, 1 at midnight.
-#[derive(Resource, Default)]
-pub struct Night(pub f32);
-
-/// The ramps of a prop's field, by name, and their colors at midnight.
-#[derive(Component)]
-pub struct ByNight(pub Vec<(&'static str, Color)>);
 
 /// The color of a robot's metal, by day and by night.
 #[derive(Component)]
@@ -46,22 +40,6 @@ struct Flashing(f32);
 fn set_sun(time: Res<Time>, mut night: ResMut<Night>) {
     let height = (std::f32::consts::TAU * time.elapsed_secs() / DAY).cos();
     night.0 = (0.5 - 0.7 * height).clamp(0.0, 1.0);
-}
-
-/// Fades palettes between day and night, for all props of a field at once.
-fn paint_by_night(night: Res<Night>, mut palettes: ResMut<Palettes>, props: Query<(&Prop, &ByNight)>) {
-    for (prop, by_night) in &props {
-        let Some(palette) = palettes.get_mut(&prop.0) else {
-            continue;
-        };
-        for (name, color) in &by_night.0 {
-            if let Some(ramp) = palette.ramp(name)
-                && let Some(by_day) = palette.ramp_color(ramp)
-            {
-                palette.set_ramp(ramp, BlendSpace::Oklab.mix(by_day, *color, night.0));
-            }
-        }
-    }
 }
 
 /// Overrides the color of each robot's metal. The robots share a field and its palette.

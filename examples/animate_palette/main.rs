@@ -9,6 +9,8 @@
 //! ```
 
 mod game;
+#[path = "../common/night.rs"]
+mod night;
 mod scene;
 #[path = "../common/show.rs"]
 mod show;

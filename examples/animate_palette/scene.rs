@@ -3,7 +3,10 @@
 use bevy::{core_pipeline::tonemapping::Tonemapping, prelude::*};
 use bevy_plenoctree::{BlendSpace, PaletteOverride, Posterize, Prop};
 
-use crate::game::{ByNight, Night, Target, Team};
+use crate::{
+    game::{Target, Team},
+    night::{ByNight, Night},
+};
 
 pub fn plugin(app: &mut App) {
     app.add_systems(Startup, (spawn_camera, spawn)).add_systems(PostUpdate, paint_sky_and_ground);

@@ -15,6 +15,7 @@ mod world_file;
 
 use std::{path::PathBuf, process::ExitCode};
 
+use bevy::prelude::*;
 use bevy_plenoctree::PlenOctreePlugin;
 use clap::Parser;
 
@@ -37,7 +38,13 @@ fn main() -> ExitCode {
         "A saved world",
         |app| {
             app.add_plugins((PlenOctreePlugin, toys::plugin, world_file::plugin)).insert_resource(WorldFile(world));
+            if show.headless.is_none() {
+                app.add_systems(Startup, world_file::start.pipe(world_file::log));
+            }
         },
-        show::wait_for_props,
+        |headless| {
+            world_file::start(headless.app.world_mut())?;
+            show::wait_for_props(headless)
+        },
     ))
 }

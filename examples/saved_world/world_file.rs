@@ -1,6 +1,6 @@
 //! The file that holds the props.
 
-use std::{fs, path::PathBuf};
+use std::{fmt::Display, fs, path::PathBuf};
 
 use bevy::{
     ecs::entity::EntityHashMap,
@@ -10,7 +10,10 @@ use bevy::{
 use bevy_plenoctree::{Ink, prelude::*};
 use serde::de::DeserializeSeed;
 
-use crate::toys::{self, Toy};
+use crate::{
+    show::Result,
+    toys::{self, Toy},
+};
 
 /// The file to save to and to load from.
 #[derive(Resource)]
@@ -19,18 +22,20 @@ pub struct WorldFile(pub PathBuf);
 pub fn plugin(app: &mut App) {
     // Bevy registers its own types if it has the feature `reflect_auto_register`, which is one of its defaults. The
     // examples do without most defaults.
-    app.register_type::<Transform>()
-        .register_type::<Name>()
-        .add_systems(Startup, start)
-        .add_systems(Update, save_or_load);
+    app.register_type::<Transform>().register_type::<Name>().add_systems(Update, save_or_load.pipe(log));
 }
 
-fn start(world: &mut World) -> Result {
-    if world.resource::<WorldFile>().0.exists() {
-        return load(world);
-    }
+/// Spawns the toys of the file or, if there is none or it cannot be loaded, those of before anything is saved.
+pub fn start(world: &mut World) -> Result {
     toys::spawn(world);
-    Ok(())
+    if world.resource::<WorldFile>().0.exists() { load(world) } else { Ok(()) }
+}
+
+/// Logs an error. Bevy would panic.
+pub fn log(In(result): In<Result>) {
+    if let Err(error) = result {
+        error!("{error}");
+    }
 }
 
 fn save_or_load(world: &mut World) -> Result {
@@ -65,18 +70,21 @@ fn save(world: &mut World) -> Result {
         saved.entity = Entity::from_raw_u32(number).ok_or("too many toys")?;
     }
     let file = &world.resource::<WorldFile>().0;
-    fs::write(file, saved.serialize(&registry)?)?;
+    fs::write(file, saved.serialize(&registry)?).map_err(|error| format!("{}: {error}", file.display()))?;
     info!("saved {} props to {}", saved.entities.len(), file.display());
     Ok(())
 }
 
 /// Replaces all toys by those in the file.
 fn load(world: &mut World) -> Result {
-    let text = fs::read_to_string(&world.resource::<WorldFile>().0)?;
+    let file = world.resource::<WorldFile>().0.clone();
+    let named = |error: &dyn Display| format!("{}: {error}", file.display());
+    let text = fs::read_to_string(&file).map_err(|error| named(&error))?;
     let registry = world.resource::<AppTypeRegistry>().clone();
     let mut server = world.resource::<AssetServer>().clone();
     let seed = WorldDeserializer { type_registry: &registry.read(), load_from_path: &mut server };
-    let loaded = seed.deserialize(&mut ron::Deserializer::from_str(&text)?)?;
+    let mut reader = ron::Deserializer::from_str(&text).map_err(|error| named(&error))?;
+    let loaded = seed.deserialize(&mut reader).map_err(|error| named(&reader.span_error(error)))?;
 
     let toys: Vec<Entity> = world.query_filtered::<Entity, With<Toy>>().iter(world).collect();
     for toy in toys {

@@ -2,6 +2,8 @@
 
 use bevy::prelude::*;
 
+use crate::night::Night;
+
 pub fn plugin(app: &mut App) {
     app.init_resource::<Night>().add_systems(Update, (pull, update_night, turn_levers).chain());
 }
@@ -10,10 +12,6 @@ pub fn plugin(app: &mut App) {
 const DUSK: f32 = 1.5;
 /// Until someone pulls the lever, it moves by itself once per this many seconds.
 const IDLE_INTERVAL: f32 = 4.0;
-
-/// How far night has fallen: 0 by day, 1 by night.
-#[derive(Resource, Default)]
-pub struct Night(pub f32);
 
 /// A lever that switches between day and night.
 #[derive(Component, Default)]

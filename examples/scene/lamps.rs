@@ -10,7 +10,7 @@ use bevy_plenoctree::BlendSpace;
 
 use crate::{
     build::{Builder, color},
-    game::Night,
+    night::Night,
     room::BOTTLE,
 };
 

@@ -14,6 +14,8 @@
 mod build;
 mod game;
 mod lamps;
+#[path = "../common/night.rs"]
+mod night;
 mod room;
 #[path = "../common/show.rs"]
 mod show;

@@ -1,17 +1,17 @@
 //! The props, each in its own style.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{BlendSpace, Ink, Palettes, Posterize, Prop, PropLighting, PropTint};
+use bevy_plenoctree::{BlendSpace, Ink, Posterize, Prop, PropLighting, PropTint};
 
 use crate::{
     build::color,
-    game::Night,
+    night::{ByNight, Night, paint_by_night},
     room,
     stand::{Footprint, standing},
 };
 
 pub fn plugin(app: &mut App) {
-    app.add_systems(Startup, spawn).add_systems(Update, (change_colors, dim, march));
+    app.add_systems(Startup, spawn).add_systems(Update, (paint_by_night, dim, march));
 }
 
 /// Light with clean edges, for props of about this size.
@@ -24,10 +24,6 @@ const SOFT: PropLighting = PropLighting { bands: 3, self_shadow_distance: f32::M
 const DIM: Color = Color::linear_rgb(0.35, 0.35, 0.45);
 /// How much brighter lamps make them at night.
 const BRIGHT: f32 = 3.0;
-
-/// The ramps of a field, by name, and their colors at night.
-#[derive(Component)]
-struct ByNight(Vec<(&'static str, Color)>);
 
 /// Marches around the jar at night.
 #[derive(Component)]
@@ -89,21 +85,6 @@ fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
         Footprint::of("gumballs.plenoctree"),
         standing(room::TABLE, 0.95, -0.3),
     ));
-}
-
-fn change_colors(night: Res<Night>, mut palettes: ResMut<Palettes>, props: Query<(&Prop, &ByNight)>) {
-    for (prop, by_night) in &props {
-        let Some(palette) = palettes.get_mut(&prop.0) else {
-            continue;
-        };
-        for (name, color) in &by_night.0 {
-            if let Some(ramp) = palette.ramp(name)
-                && let Some(by_day) = palette.ramp_color(ramp)
-            {
-                palette.set_ramp(ramp, BlendSpace::Oklab.mix(by_day, *color, night.0));
-            }
-        }
-    }
 }
 
 /// Props are darker at night, except where lamps shine on them.
