@@ -97,11 +97,10 @@ pub fn keep_former_palette(path: &Path, new: Option<&Palette>) -> Result {
     })
 }
 
-/// Keeps the report at `path` under another name if it is that of another command: if it lacks an entry.
-pub fn keep_former_report(path: &Path, entry: &str) -> Result {
-    keep_former(path, "report", |former| {
-        serde_json::from_slice::<Value>(former).map_or(true, |report| report.get(entry).is_none())
-    })
+/// Keeps the report at `path` under another name, unless `is_same` says that it is about the same as the one that
+/// replaces it.
+pub fn keep_former_report(path: &Path, is_same: impl FnOnce(&Value) -> bool) -> Result {
+    keep_former(path, "report", |former| serde_json::from_slice(former).map_or(true, |report| !is_same(&report)))
 }
 
 /// Checks that nothing in a folder that is read is written, if what is written there has names for which `writes` is

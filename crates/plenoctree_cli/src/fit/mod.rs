@@ -35,7 +35,8 @@ pub fn run(arguments: &Arguments) -> Result {
     use_threads(arguments.threads)?;
     let interruption = Interruption::new()?;
     let mut settings = arguments.settings();
-    if let Some(checkpoint) = settings.checkpoint.as_ref().filter(|path| settings.resume && !path.exists()) {
+    let checkpoint = settings.checkpoint.clone();
+    if let Some(checkpoint) = checkpoint.as_ref().filter(|path| settings.resume && !path.exists()) {
         console::complain!("warning: {}: not found, so the fit starts anew", checkpoint.display());
     }
     let pictures = match model_pictures(arguments)? {
@@ -87,11 +88,15 @@ pub fn run(arguments: &Arguments) -> Result {
             before.views(),
             now.map_or("is in none of them".into(), |now| format!("{:.2} dB", now.psnr))
         );
-        return Ok(());
+    } else {
+        let palette = output::palette(&arguments.out, &field, &arguments.extraction);
+        let leaves = output::write(&arguments.out, &field, palette.as_ref(), &previews, &described)?;
+        print(arguments, &report, leaves);
     }
-    let palette = output::palette(&arguments.out, &field, &arguments.extraction);
-    let leaves = output::write(&arguments.out, &field, palette.as_ref(), &previews, &described)?;
-    print(arguments, &report, leaves);
+    if let Some(path) = checkpoint.filter(|_| !report.stopped) {
+        // One that cannot be removed costs nothing but its space.
+        let _ = fs::remove_file(path);
+    }
     Ok(())
 }
 

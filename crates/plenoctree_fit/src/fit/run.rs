@@ -2,7 +2,6 @@
 
 use std::{
     cell::Cell,
-    fs,
     hash::{DefaultHasher, Hash, Hasher},
     sync::Arc,
     time::{Duration, Instant},
@@ -241,10 +240,6 @@ pub fn fit(
     report.depth = field.depth();
     report.cube = [cube.low.to_array(), (cube.low + cube.size).to_array()];
     report.seconds = Seconds { preparing, training, measuring: start.elapsed().as_secs_f64() };
-    if let Some(path) = saved.filter(|_| !report.stopped) {
-        // One that cannot be removed costs nothing but its space.
-        let _ = fs::remove_file(path);
-    }
     Ok(Fitted { field, previews, report })
 }
 

@@ -366,7 +366,7 @@ fn what_is_in_the_chosen_box_is_kept() {
         let settings = SubjectSettings { crop, up, ..Default::default() };
         let subject = splats.clone().subject(&settings).unwrap();
         assert_eq!(subject.splats.len(), splats.len() - 1);
-        assert!((9.0..=10.0).contains(&subject.high.x) && (1.0..1.3).contains(&subject.high.y), "{subject:?}");
+        assert!((9.0..=10.0).contains(&subject.high.x) && (1.0..1.3).contains(&subject.high.y), "{}", subject.high);
         let (low, high) =
             splats.clone().subject(&SubjectSettings { up, ..Default::default() }).map(|s| (s.low, s.high)).unwrap();
         assert!((low.x + high.x).abs() < 0.1 && high.x < 1.3, "{low} {high}");
