@@ -136,10 +136,14 @@ pub fn run(arguments: &Arguments) -> Result {
             let is_worse = kept == 0 || gains[first..].iter().any(|gain| *gain < -RefineSettings::MOST_LOSS);
             if is_worse {
                 field = before;
-                console::complain!(
-                    "warning: refining makes the field look worse from some distance: the field is as voxelized; --near \
-                     says which distance matters"
-                );
+                if kept == 0 && interruption.is_requested() {
+                    console::complain!("warning: stopped before refining paid off: the field is as voxelized");
+                } else {
+                    console::complain!(
+                        "warning: refining makes the field look worse from some distance: the field is as voxelized; \
+                         --near says which distance matters"
+                    );
+                }
             } else {
                 (field, measured) = (better, after);
             }

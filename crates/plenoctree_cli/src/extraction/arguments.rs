@@ -52,8 +52,14 @@ impl ExtractionArguments {
         Self { method: self.method.or(Some(method)), ..self.clone() }
     }
 
-    /// Returns the default settings with the changes from the command line.
+    /// Returns the default settings with the changes from the command line. Checks that the histograms do not replace
+    /// something else.
     pub fn settings(&self) -> Result<ExtractionSettings, String> {
+        if let Some(file) =
+            self.histograms.as_ref().filter(|file| file.extension().is_none_or(|ending| ending != "npz"))
+        {
+            return Err(format!("{}: the name of the histograms must end in .npz", file.display()));
+        }
         let colors = match (self.colors.unwrap_or_default(), self.tolerance) {
             (ColorCount::Fixed(colors), Some(_)) => {
                 return Err(format!("--tolerance only applies to --colors auto, but found --colors {colors}"));
