@@ -27,18 +27,37 @@ pub fn replace_file<E: From<io::Error>>(
     if existing.as_ref().is_some_and(|existing| !existing.is_file()) {
         return fill(&mut File::create(path)?);
     }
-    if existing.as_ref().is_some_and(|existing| existing.permissions().readonly()) {
-        return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the existing file is read-only").into());
-    }
-    let target = followed(path)?;
-    let (mut file, temporary) = create_beside(&target)?;
-    let written = fill(&mut file).and_then(|()| Ok(finish(&file, existing)?));
+    check_replaceable(existing.as_ref())?;
+    let (mut file, temporary) = create_beside(&followed(path)?)?;
+    let written = fill(&mut file);
     drop(file);
-    if let Err(error) = written.and_then(|()| Ok(fs::rename(&temporary, &target)?)) {
+    if let Err(error) = written.and_then(|()| Ok(move_file(&temporary, path)?)) {
         // The first error is more informative than a second one.
         let _ = fs::remove_file(&temporary);
         return Err(error);
     }
+    Ok(())
+}
+
+/// Moves a complete file to `path`, where it takes the place of an existing one as in [`replace_file`]: for several files
+/// that belong together, of which none is to be replaced before all are complete.
+///
+/// # Errors
+///
+/// Returns an error if the existing file is read-only, or if `path` leads to another file system. Both files are then
+/// unchanged but for permissions.
+pub fn move_file(from: impl AsRef<Path>, path: impl AsRef<Path>) -> io::Result<()> {
+    let target = followed(path.as_ref())?;
+    let existing = fs::metadata(&target).ok();
+    check_replaceable(existing.as_ref())?;
+    let file = File::options().append(true).open(&from)?;
+    if let Some(existing) = existing {
+        file.set_permissions(existing.permissions())?;
+    }
+    // It must be on disk before it is renamed.
+    file.sync_all()?;
+    drop(file);
+    fs::rename(from, &target)?;
     // Watchers of folders may report only a rename, which Bevy does not treat as a change. A new modification time is a
     // change.
     let _ = File::options().append(true).open(&target).and_then(|file| file.set_modified(SystemTime::now()));
@@ -73,13 +92,12 @@ fn create_beside(target: &Path) -> io::Result<(File, PathBuf)> {
     }
 }
 
-/// Gives the file the permissions of the existing one, and waits until it is on disk, which must happen before the
-/// rename.
-fn finish(file: &File, existing: Option<Metadata>) -> io::Result<()> {
-    if let Some(existing) = existing {
-        file.set_permissions(existing.permissions())?;
+/// Returns an error if the existing file is read-only.
+fn check_replaceable(existing: Option<&Metadata>) -> io::Result<()> {
+    if existing.is_some_and(|existing| existing.permissions().readonly()) {
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the existing file is read-only"));
     }
-    file.sync_all()
+    Ok(())
 }
 
 #[cfg(test)]

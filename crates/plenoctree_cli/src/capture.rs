@@ -1,11 +1,14 @@
 //! Reads captures.
 
-use std::path::Path;
+use std::{fs, path::Path};
 
 use clap::{Args, ValueEnum};
 use plenoctree_fit::splat::{SplatSettings, Splats, SpzAxes};
 
 use crate::{console, progress, result::Result};
+
+/// The extension of glTF for Gaussian splats.
+const EXTENSION: &[u8] = b"KHR_gaussian_splatting";
 
 /// How to read a capture.
 #[derive(Args, Clone, Copy)]
@@ -24,12 +27,23 @@ enum Axes {
     Rdf,
 }
 
+impl CaptureArguments {
+    /// Returns whether any is given.
+    pub fn are_given(self) -> bool {
+        self.spz_axes.is_some()
+    }
+}
+
 /// Returns an error for the file of a capture, where something else is expected.
 pub fn refuse(path: &Path) -> Result {
-    if ["ply", "spz", "sog", "splat"]
-        .iter()
-        .any(|capture| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(capture)))
-    {
+    let ends_in = |endings: &[&str]| {
+        let extension = path.extension().unwrap_or_default();
+        endings.iter().any(|ending| extension.eq_ignore_ascii_case(ending))
+    };
+    // Models have the same endings.
+    let names_extension =
+        || fs::read(path).is_ok_and(|bytes| bytes.windows(EXTENSION.len()).any(|name| name == EXTENSION));
+    if ends_in(&["ply", "spz", "sog", "splat"]) || ends_in(&["gltf", "glb"]) && names_extension() {
         return Err(format!("{}: found a capture of Gaussian splats; use `plenoctree convert`", path.display()).into());
     }
     Ok(())

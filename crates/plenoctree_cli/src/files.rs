@@ -1,6 +1,7 @@
 //! Checks and writes files, with errors that name them. Files are complete before they replace others.
 
 use std::{
+    collections::HashSet,
     fs::{self, File},
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
@@ -10,7 +11,7 @@ use image::{ImageBuffer, PixelWithColorType, codecs::png::PngEncoder};
 use plenoctree::palette::Palette;
 use serde_json::Value;
 
-use crate::{console, result::Result};
+use crate::{console, number::counted, result::Result};
 
 /// Creates a folder and its parents, unless they exist.
 pub fn create_folder(path: &Path) -> Result {
@@ -97,11 +98,10 @@ pub fn keep_former_palette(path: &Path, new: Option<&Palette>) -> Result {
     })
 }
 
-/// Keeps the report at `path` under another name if it is that of another command: if it lacks an entry.
-pub fn keep_former_report(path: &Path, entry: &str) -> Result {
-    keep_former(path, "report", |former| {
-        serde_json::from_slice::<Value>(former).map_or(true, |report| report.get(entry).is_none())
-    })
+/// Keeps the report at `path` under another name, unless `is_same` says that it is about the same as the one that
+/// replaces it.
+pub fn keep_former_report(path: &Path, is_same: impl FnOnce(&Value) -> bool) -> Result {
+    keep_former(path, "report", |former| serde_json::from_slice(former).map_or(true, |report| !is_same(&report)))
 }
 
 /// Checks that nothing in a folder that is read is written, if what is written there has names for which `writes` is
@@ -114,6 +114,22 @@ pub fn check_folder(folder: &Path, inputs: &[&Path], writes: impl Fn(&str) -> bo
     match inputs.iter().find(|input| is_written(input)) {
         Some(input) => Err(format!("{}: would be overwritten; choose another --out", input.display()).into()),
         None => Ok(()),
+    }
+}
+
+/// Warns if there are images from an earlier run beside those that were `written`: nothing else tells them apart.
+pub fn warn_of_earlier_images<'a>(
+    folder: &Path,
+    written: impl IntoIterator<Item = &'a String>,
+    is_image: impl Fn(&str) -> bool,
+) {
+    let written: HashSet<_> = written.into_iter().collect();
+    let names = fs::read_dir(folder).into_iter().flatten().flatten().flat_map(|entry| entry.file_name().into_string());
+    let mut earlier: Vec<_> = names.filter(|name| is_image(name) && !written.contains(name)).collect();
+    earlier.sort();
+    if let Some(first) = earlier.first() {
+        let images = counted(earlier.len(), "image", "images");
+        console::complain!("warning: {}: also holds {images} from an earlier run, such as {first}", folder.display());
     }
 }
 

@@ -16,6 +16,7 @@ mod fit;
 mod gpu_memory;
 pub mod hex;
 mod info;
+mod names;
 pub mod number;
 pub mod pack;
 mod palette;

@@ -144,6 +144,40 @@ fn errors_name_the_file_and_replace_nothing() {
     let message = fail(&["fit", text(&folder), "--out", text(&out)]);
     assert!(message.contains("report.json") && message.contains("folder"), "{message}");
     fs::remove_dir(folder.join("report.json")).unwrap();
+    // Other pictures of the same names are not those of the test.
+    let others = folder.join("others");
+    fs::create_dir(&others).unwrap();
+    fs::write(others.join("transforms.json"), &good).unwrap();
+    fs::write(&transforms, &good).unwrap();
+    let message = fail(&[
+        "fit",
+        text(&transforms),
+        "--pictures",
+        text(&folder),
+        "--test",
+        text(&others),
+        "--out",
+        text(&out),
+        "--effort",
+        "0.01",
+    ]);
+    assert!(message.contains("others/transforms.json: frames[0].file_path: found no file"), "{message}");
+    // Options for something else are not ignored.
+    let model = folder.join("model.gltf");
+    if cfg!(feature = "gltf") {
+        let message = fail(&["fit", text(&folder), "--out", text(&out), "--views", "9"]);
+        assert!(message.contains("--views and --size are for glTF models"), "{message}");
+        fs::write(&model, "{}").unwrap();
+        let message = fail(&["fit", text(&model), "--out", text(&out), "--pictures", text(&folder)]);
+        assert!(message.contains("model.gltf: --pictures is for photographs"), "{message}");
+    }
+    fs::write(&model, r#"{"extensionsUsed": ["KHR_gaussian_splatting"]}"#).unwrap();
+    let message = fail(&["fit", text(&model), "--out", text(&out)]);
+    assert!(message.contains("model.gltf: found a capture of Gaussian splats; use `plenoctree convert`"), "{message}");
+    // Nor is what is read replaced.
+    let message = fail(&["fit", text(&folder), "--out", text(&out), "--histograms", text(&transforms)]);
+    assert!(message.contains("transforms.json: the name of the histograms must end in .npz"), "{message}");
+    assert_eq!(fs::read_to_string(&transforms).unwrap(), good);
     let message = fail(&["fit", text(&folder.join("nothing")), "--out", text(&out)]);
     assert!(message.contains("nothing"), "{message}");
     let mut one: Value = serde_json::from_str(&good).unwrap();

@@ -82,6 +82,9 @@ fn what_cannot_be_packed_is_an_error() {
     let message = fail(&["pack", text(&source), "--npz", "--out", text(&source)]);
     assert!(message.contains("ball.npz: would overwrite its input; choose another --out"), "{message}");
     assert_eq!(std::fs::read(&source).unwrap(), before);
+    let quantized = folder.join("quantized.npz");
+    let message = fail(&["pack", text(&source), "--npz", "--out", text(&quantized), "--verbose"]);
+    assert!(message.contains("cannot be used with"), "{message}");
     let notes = folder.join("notes.txt");
     std::fs::write(&notes, "notes").unwrap();
     let message = fail(&["pack", text(&source), "--out", text(&notes)]);

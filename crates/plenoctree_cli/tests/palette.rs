@@ -297,4 +297,12 @@ fn ramps_are_edited() {
     let error = fail(&["ramps", text(&file), "a=b"]);
     assert!(error.contains("ball.palette.json: a: found no ramp b, expected one of shell"), "{error}");
     assert_eq!(Palette::read(&file).unwrap(), expected);
+
+    // What cannot be replaced is found before a copy is made.
+    let mut permissions = fs::metadata(&file).unwrap().permissions();
+    permissions.set_readonly(true);
+    fs::set_permissions(&file, permissions).unwrap();
+    let error = fail(&["ramps", text(&file), "body=shell"]);
+    assert!(error.contains("ball.palette.json: cannot be written") && !error.contains("replaced"), "{error}");
+    assert!(!folder.join("ball.palette.json.old2").exists());
 }

@@ -66,6 +66,12 @@ fn captures_and_fields_are_rendered() {
     let image = image::open(out.join("000.png")).unwrap();
     assert_eq!((image.width(), image.color()), (20, image::ColorType::Rgb8));
     assert_eq!(image.into_rgb8().get_pixel(0, 0).0, [0, 255, 0]);
+    // Views of an earlier, longer run are told apart.
+    fs::copy(out.join("000.png"), out.join("001.png")).unwrap();
+    let output = run(&[&arguments[..], &["--out", text(&out)]].concat());
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(message.contains("also holds 1 image from an earlier run, such as 001.png"), "{message}");
+    fs::remove_file(out.join("001.png")).unwrap();
     let field = ball(&folder);
     let front = folder.join("front.json");
     fs::write(&front, fs::read_to_string(&cameras).unwrap().replace("-3.0", "0.0")).unwrap();
@@ -77,6 +83,8 @@ fn captures_and_fields_are_rendered() {
     assert_eq!([red(&[]), red(&["--activation", "shifted-relu"])], [229, 255]);
     let message = fail(&["render", &capture, "--cameras", &cameras, "--out", text(&out), "--up", "y"]);
     assert!(message.contains("cube.ply: --activation and --up are for fields"), "{message}");
+    let message = fail(&["render", text(&field), "--cameras", &cameras, "--out", text(&out), "--spz-axes", "rub"]);
+    assert!(message.contains("ball.npz: --spz-axes is for captures"), "{message}");
 
     // Nothing that is read is overwritten.
     fs::copy(&capture, out.join("000.png")).unwrap();

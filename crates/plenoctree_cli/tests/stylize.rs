@@ -172,10 +172,13 @@ fn nothing_is_overwritten() {
     assert_eq!(fs::read_to_string(&palette).unwrap(), with_author);
 
     let (cameras, frame) = (out.join("report.json"), out.join("frame_000.original.png"));
-    for (option, path) in [("--cameras", &cameras), ("--histograms", &frame)] {
+    for (option, path, reason) in [
+        ("--cameras", &cameras, "would be overwritten; choose another --out"),
+        ("--histograms", &frame, "the name of the histograms must end in .npz"),
+    ] {
         let before = fs::read(path).unwrap();
         let message = fail(&["--sampling", "cpu", option, text(path)]);
-        assert!(message.contains("would be overwritten; choose another --out"), "{message}");
+        assert!(message.contains(reason), "{message}");
         assert_eq!(fs::read(path).unwrap(), before);
     }
 }
@@ -193,6 +196,10 @@ fn bad_input_is_rejected() {
     assert!(with(&["--palette", "palette.json", "--colors", "4"]).contains("cannot be used with"));
     assert!(with(&["--smooth-edges"]).contains("--smooth-edges needs --renderer gpu"));
     assert!(with(&["--quality", "fast"]).contains("--quality needs --renderer gpu"));
+    // A folder that cannot be created is found before the palette is extracted.
+    let histograms = folder.join("histograms.npz");
+    let message = fail(&[&arguments(&field, &field)[..], &["--histograms", text(&histograms)]].concat());
+    assert!(message.contains("ball.npz: cannot be created") && !histograms.exists(), "{message}");
     let palette = folder.join("many.json");
     fs::write(&palette, format!(r#"{{"colors": {:?}}}"#, vec![[0.5; 3]; 64])).unwrap();
     let message = "64 colors with 3 blend steps, which make 4096 labels, expected at most 1024: use --blend-steps 1";

@@ -2,11 +2,13 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use glam::DVec3;
 use plenoctree_fit::splat::Axis;
 
-use crate::{boxes::parse_box, capture::CaptureArguments, extraction::ExtractionArguments, number::parse_positive};
+use crate::{
+    boxes::parse_box, capture::CaptureArguments, extraction::ExtractionArguments, names::one_of, number::parse_positive,
+};
 
 /// Convert a capture of Gaussian splats to a field, and extract its palette.
 #[derive(Args)]
@@ -60,9 +62,10 @@ pub struct Arguments {
     /// capture.
     #[arg(long)]
     pub stand: bool,
-    /// With --stand, the direction that is up in the capture. By default, what the file says, or else -y.
-    #[arg(long, value_enum, allow_hyphen_values = true, requires = "stand")]
-    pub up: Option<Up>,
+    /// With --stand, the direction that is up in the capture. By default, what the file says, or else -y, as in the .ply
+    /// files of most trainers.
+    #[arg(long, value_parser = one_of(Axis::ALL, Axis::name), allow_hyphen_values = true, requires = "stand")]
+    pub up: Option<Axis>,
     /// The seed of the random numbers.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
@@ -75,36 +78,4 @@ pub struct Arguments {
     /// The arguments for extraction.
     #[command(flatten)]
     pub extraction: ExtractionArguments,
-}
-
-/// A direction along an axis.
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Up {
-    /// As in the .ply files of most trainers.
-    #[value(name = "-y")]
-    NegativeY,
-    #[value(name = "y")]
-    Y,
-    #[value(name = "-z")]
-    NegativeZ,
-    #[value(name = "z")]
-    Z,
-    #[value(name = "-x")]
-    NegativeX,
-    #[value(name = "x")]
-    X,
-}
-
-impl Up {
-    /// Returns the axis.
-    pub fn axis(self) -> Axis {
-        match self {
-            Self::X => Axis::X,
-            Self::NegativeX => Axis::NegativeX,
-            Self::Y => Axis::Y,
-            Self::NegativeY => Axis::NegativeY,
-            Self::Z => Axis::Z,
-            Self::NegativeZ => Axis::NegativeZ,
-        }
-    }
 }

@@ -18,7 +18,6 @@ use plenoctree_fit::{
 use serde_json::json;
 
 use self::{
-    arguments::Up,
     cameras::Cameras,
     measure::{Pictures, Standard},
 };
@@ -50,7 +49,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let settings = SubjectSettings {
         crop: arguments.crop,
         keep_largest: arguments.keep_largest,
-        up: arguments.stand.then(|| arguments.up.map_or_else(|| splats.up().unwrap_or_default(), Up::axis)),
+        up: arguments.stand.then(|| arguments.up.or(splats.up()).unwrap_or_default()),
     };
     let Subject { splats, low, high, turn } = splats.subject(&settings).map_err(|error| named(&error))?;
     console::say!(
@@ -137,10 +136,14 @@ pub fn run(arguments: &Arguments) -> Result {
             let is_worse = kept == 0 || gains[first..].iter().any(|gain| *gain < -RefineSettings::MOST_LOSS);
             if is_worse {
                 field = before;
-                console::complain!(
-                    "warning: refining makes the field look worse from some distance: the field is as voxelized; --near \
-                     says which distance matters"
-                );
+                if kept == 0 && interruption.is_requested() {
+                    console::complain!("warning: stopped before refining paid off: the field is as voxelized");
+                } else {
+                    console::complain!(
+                        "warning: refining makes the field look worse from some distance: the field is as voxelized; \
+                         --near says which distance matters"
+                    );
+                }
             } else {
                 (field, measured) = (better, after);
             }

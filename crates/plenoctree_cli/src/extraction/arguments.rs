@@ -2,14 +2,13 @@
 
 use std::path::PathBuf;
 
-use clap::{
-    Args, ValueEnum,
-    builder::{PossibleValuesParser, TypedValueParser},
-};
+use clap::{Args, ValueEnum};
 use plenoctree::{
     palette::{ColorCount, ExtractionSettings, PaletteMethod},
     sampling::SamplingSettings,
 };
+
+use crate::names::one_of;
 
 /// The arguments of every command that extracts a palette.
 #[derive(Args, Clone)]
@@ -17,7 +16,7 @@ pub struct ExtractionArguments {
     /// How the palette is found: `hull`, the corners of the simplified convex hull of all colors, as in the paper;
     /// `fitted`, the colors whose labels are nearest to the field's colors; or `tones`, as many colors as the field
     /// needs without blends, in ramps by material. By default `tones`; with `stylize --look paper`, `hull`.
-    #[arg(long, value_parser = methods())]
+    #[arg(long, value_parser = one_of(PaletteMethod::ALL, PaletteMethod::name))]
     method: Option<PaletteMethod>,
     /// The maximum number of colors, 1 to 64, or `auto` for the fewest that keep the error within --tolerance; by
     /// default 6, or as many tones as the field needs. A hull has at least 4.
@@ -53,8 +52,14 @@ impl ExtractionArguments {
         Self { method: self.method.or(Some(method)), ..self.clone() }
     }
 
-    /// Returns the default settings with the changes from the command line.
+    /// Returns the default settings with the changes from the command line. Checks that the histograms do not replace
+    /// something else.
     pub fn settings(&self) -> Result<ExtractionSettings, String> {
+        if let Some(file) =
+            self.histograms.as_ref().filter(|file| file.extension().is_none_or(|ending| ending != "npz"))
+        {
+            return Err(format!("{}: the name of the histograms must end in .npz", file.display()));
+        }
         let colors = match (self.colors.unwrap_or_default(), self.tolerance) {
             (ColorCount::Fixed(colors), Some(_)) => {
                 return Err(format!("--tolerance only applies to --colors auto, but found --colors {colors}"));
@@ -66,12 +71,6 @@ impl ExtractionArguments {
         let sampling = SamplingSettings { sample_fraction: self.sample_fraction, ..SamplingSettings::default() };
         Ok(ExtractionSettings { method, colors, sampling, ..ExtractionSettings::default() })
     }
-}
-
-/// Returns the parser of a method's name.
-fn methods() -> impl TypedValueParser<Value = PaletteMethod> {
-    let names = PossibleValuesParser::new(PaletteMethod::ALL.map(PaletteMethod::name));
-    names.map(|name| PaletteMethod::ALL.into_iter().find(|method| method.name() == name).unwrap_or_default())
 }
 
 fn parse_colors(text: &str) -> Result<ColorCount, String> {

@@ -47,14 +47,14 @@ pub struct Arguments {
     /// The number of spherical harmonics per channel: 1, 4, 9 or 16.
     #[arg(long, default_value = "9", value_parser = parse_basis)]
     sh: Basis,
-    /// For glTF models: the number of pictures to render.
+    /// For glTF models: the number of pictures to render; by default 120.
     #[cfg(feature = "gltf")]
-    #[arg(long, value_name = "N", default_value_t = 120, value_parser = clap::value_parser!(u32).range(8..=10_000))]
-    pub views: u32,
-    /// For glTF models: the width and height of the pictures, in pixels.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=10_000))]
+    pub views: Option<u32>,
+    /// For glTF models: the width and height of the pictures, in pixels; by default 400.
     #[cfg(feature = "gltf")]
-    #[arg(long, value_name = "PIXELS", default_value_t = 400, value_parser = clap::value_parser!(u32).range(16..=4096))]
-    pub size: u32,
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=4096))]
+    pub size: Option<u32>,
     /// The box to fit, in the frame of the cameras: x,y,z of its lowest and of its highest corner.
     #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", value_parser = parse_box, allow_hyphen_values = true)]
     bounds: Option<(DVec3, DVec3)>,
@@ -73,9 +73,9 @@ pub struct Arguments {
     /// The color behind the object; by default, it is learned from opaque pictures.
     #[arg(long, value_name = "#RRGGBB", value_parser = hex::parse)]
     pub background: Option<[u8; 3]>,
-    /// The folder of the pictures, if it is not the usual one.
+    /// The folder of the pictures of INPUT, if it is not the usual one.
     #[arg(long, value_name = "FOLDER")]
-    pictures: Option<PathBuf>,
+    pub pictures: Option<PathBuf>,
     /// A folder of masks, as name.jpg.png, name.png or name.jpg for name.jpg. White shows the object.
     #[arg(long, value_name = "FOLDER")]
     pub masks: Option<PathBuf>,

@@ -15,7 +15,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use plenoctree_fit::{FitInput, FitReport, Fitted, View, fit};
+use plenoctree_fit::{FitInput, FitReport, Fitted, InputFolders, View, fit};
 use serde_json::{Value, json};
 
 use self::output::Quality;
@@ -26,6 +26,9 @@ use crate::{
     training::{Interruption, use_threads},
 };
 
+/// The least share of the leaves that the largest part has without a warning.
+const LEAST_PART: f64 = 0.05;
+
 /// Fits the field, extracts its palette, and writes both with previews and a report.
 pub fn run(arguments: &Arguments) -> Result {
     capture::refuse(&arguments.input)?;
@@ -35,7 +38,8 @@ pub fn run(arguments: &Arguments) -> Result {
     use_threads(arguments.threads)?;
     let interruption = Interruption::new()?;
     let mut settings = arguments.settings();
-    if let Some(checkpoint) = settings.checkpoint.as_ref().filter(|path| settings.resume && !path.exists()) {
+    let checkpoint = settings.checkpoint.clone();
+    if let Some(checkpoint) = checkpoint.as_ref().filter(|path| settings.resume && !path.exists()) {
         console::complain!("warning: {}: not found, so the fit starts anew", checkpoint.display());
     }
     let pictures = match model_pictures(arguments)? {
@@ -47,6 +51,8 @@ pub fn run(arguments: &Arguments) -> Result {
     };
     let input = FitInput::read(&pictures, &folders)?;
     warn_of_input(&arguments.input, &input);
+    // Pictures of other views may have the same names.
+    let folders = InputFolders { pictures: None, ..folders };
     let test = arguments.test.as_deref().map(|path| FitInput::read(path, &folders)).transpose()?;
     let views = input.views.iter().chain(test.iter().flat_map(|test| &test.views));
     let ignored = input.ignored.iter().chain(test.iter().flat_map(|test| &test.ignored));
@@ -87,11 +93,15 @@ pub fn run(arguments: &Arguments) -> Result {
             before.views(),
             now.map_or("is in none of them".into(), |now| format!("{:.2} dB", now.psnr))
         );
-        return Ok(());
+    } else {
+        let palette = output::palette(&arguments.out, &field, &arguments.extraction);
+        let leaves = output::write(&arguments.out, &field, palette.as_ref(), &previews, &described)?;
+        print(arguments, &report, leaves);
     }
-    let palette = output::palette(&arguments.out, &field, &arguments.extraction);
-    let leaves = output::write(&arguments.out, &field, palette.as_ref(), &previews, &described)?;
-    print(arguments, &report, leaves);
+    if let Some(path) = checkpoint.filter(|_| !report.stopped) {
+        // One that cannot be removed costs nothing but its space.
+        let _ = fs::remove_file(path);
+    }
     Ok(())
 }
 
@@ -128,11 +138,19 @@ fn warn_of_input(path: &Path, input: &FitInput) {
 /// pixels the fit must average along each axis.
 #[cfg(feature = "gltf")]
 fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
+    let input = arguments.input.display();
     if !model::is_model(&arguments.input) {
+        if arguments.views.is_some() || arguments.size.is_some() {
+            return Err(format!("{input}: --views and --size are for glTF models, .gltf or .glb").into());
+        }
         return Ok(None);
     }
+    if arguments.pictures.is_some() {
+        return Err(format!("{input}: --pictures is for photographs, but a model is rendered").into());
+    }
     let folder = arguments.out.with_extension("pictures");
-    let transforms = model::photograph(&arguments.input, &folder, arguments.views, arguments.size)?;
+    let (views, size) = (arguments.views.unwrap_or(120), arguments.size.unwrap_or(400));
+    let transforms = model::photograph(&arguments.input, &folder, views, size)?;
     Ok(Some((transforms, model::SUPERSAMPLING)))
 }
 
@@ -159,6 +177,14 @@ fn print(arguments: &Arguments, report: &FitReport, leaves: usize) {
             None => "does not have the object in view".into(),
         };
         console::complain!("warning: view {} ({}) {what}: its pose may be wrong", view.number, view.name);
+    }
+    if let Some(share) = report.largest_part.filter(|share| *share < LEAST_PART) {
+        console::complain!(
+            "warning: {}: --keep-largest keeps only {:.1}% of the leaves: the largest connected part may not be all of the \
+             object",
+            arguments.out.display(),
+            100.0 * share
+        );
     }
     if let Some(held_out) = &report.held_out {
         console::say!(

@@ -92,26 +92,39 @@ fn write_all(
         palette.write(partial(&targets[1]))?;
     }
     files::write_text(&partial(&targets[2]), &(serde_json::to_string_pretty(&report)? + "\n"))?;
-    // The result is worth more than an edited palette of the one before.
-    if let Err(error) = files::keep_former_palette(&targets[1], palette) {
+    // The result is worth more than an edited palette of the one before, or the report about another field.
+    let kept = [
+        files::keep_former_palette(&targets[1], palette),
+        files::keep_former_report(&targets[2], |former| former["field"]["file"] == report["field"]["file"]),
+    ];
+    for error in kept.into_iter().filter_map(Result::err) {
         console::complain!("warning: {error}; it is replaced");
     }
-    if !previews.is_empty() {
-        files::create_folder(&views)?;
-        for (preview, name) in previews.iter().zip(&names) {
-            files::write_image(&views.join(name), &side_by_side(preview))?;
-        }
-        // Those of the field that is replaced. Other files in the folder stay.
-        let outdated = previews_before(out).into_iter().filter(|name| !names.contains(name));
-        outdated.for_each(|name| _ = fs::remove_file(views.join(name)));
-    }
+    // Those of the field that is replaced. Other files in the folder stay.
+    let mut outdated = previews_before(out);
+    outdated.retain(|name| !names.contains(name));
     if palette.is_none() {
         // An older one belongs to another field.
         let _ = fs::remove_file(&targets[1]);
     }
     let written = targets.iter().enumerate().filter(|(index, _)| *index != 1 || palette.is_some());
-    written.map(|(_, target)| target).try_for_each(|target| rename(&partial(target), target))?;
+    written.map(|(_, target)| target).try_for_each(|target| {
+        plenoctree::move_file(partial(target), target).map_err(|error| format!("{}: {error}", target.display()))
+    })?;
+    if !previews.is_empty() {
+        // The field is worth more than pictures of it.
+        if let Err(error) = write_previews(&views, previews, &names) {
+            console::complain!("warning: {error}; the field is written without all of its previews");
+        }
+        outdated.iter().for_each(|name| _ = fs::remove_file(views.join(name)));
+    }
     Ok(leaves)
+}
+
+fn write_previews(folder: &Path, previews: &[Comparison], names: &[String]) -> Result {
+    files::create_folder(folder)?;
+    let mut named = previews.iter().zip(names);
+    named.try_for_each(|(preview, name)| files::write_image(&folder.join(name), &side_by_side(preview)))
 }
 
 /// The pictures in a report of a fit: their sizes, and what is behind and around the object.
@@ -199,8 +212,7 @@ impl Quality {
             Some(found) => return Ok(Some(found)),
         };
         let out = out.display();
-        Err(format!("{out}: {reason}, so --resume cannot tell whether to replace it; leave --resume out to do so")
-            .into())
+        Err(format!("{out}: {reason}, so --resume cannot tell whether to replace it; move it away to resume, or leave --resume out to start anew").into())
     }
 
     /// Returns whether it is higher than that of another fit to the same pictures, which is `None` if its field is not
@@ -225,14 +237,13 @@ fn views(out: &Path) -> PathBuf {
     out.with_extension("views")
 }
 
-/// Returns the temporary name of an incomplete file.
+/// Returns the temporary name of an incomplete file, next to that to which links lead.
 fn partial(path: &Path) -> PathBuf {
-    path.with_added_extension("partial")
+    fs::canonicalize(path).unwrap_or_else(|_| path.into()).with_added_extension("partial")
 }
 
-fn rename(from: &Path, to: &Path) -> Result {
-    Ok(fs::rename(from, to).map_err(|error| format!("{}: {error}", to.display()))?)
-}
+/// The longest name of a preview, without its ending. Most file systems allow 255 bytes.
+const LONGEST_NAME: usize = 200;
 
 /// Returns the names of the files that compare pictures of these names. No two are the same.
 fn preview_names<'a>(pictures: impl Iterator<Item = &'a str>) -> Vec<String> {
@@ -240,6 +251,7 @@ fn preview_names<'a>(pictures: impl Iterator<Item = &'a str>) -> Vec<String> {
     for picture in pictures {
         let name: String = picture.chars().map(|c| if c.is_alphanumeric() || c == '_' { c } else { '-' }).collect();
         let name = name.trim_matches('-');
+        let name = &name[..name.floor_char_boundary(LONGEST_NAME)];
         let mut unique = format!("{name}.png");
         for number in 2.. {
             if !names.contains(&unique) {
@@ -265,6 +277,18 @@ mod tests {
         extraction: ExtractionArguments,
     }
 
+    fn folder(test: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("plenoctree-output-{test}-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        folder
+    }
+
+    /// A field in which nothing is visible.
+    fn field() -> PlenOctree {
+        let settings = BakeSettings { depth: 2, basis: Basis::Rgba, directions: 8, ..Default::default() };
+        bake(&settings, |_| 0.0, |_| |_| glam::DVec3::ONE).unwrap()
+    }
+
     /// A field that is in no view is worse than any other.
     #[test]
     fn fields_that_are_not_in_view_are_worse() {
@@ -278,16 +302,43 @@ mod tests {
     fn previews_have_names_of_their_own() {
         let names = preview_names(["a/x.png", "a-x.png", "b.png", "a.x.png"].into_iter());
         assert_eq!(names, ["a-x-png.png", "a-x-png-2.png", "b-png.png", "a-x-png-3.png"]);
+        let long = ["a", "b"].map(|end| format!("x{}{end}", "\u{e4}".repeat(300)));
+        let names = preview_names(long.iter().map(String::as_str));
+        assert!(names.iter().all(|name| name.len() < 210) && names[0] != names[1], "{names:?}");
+    }
+
+    /// Links stay, the report about another field is kept, and a preview that cannot be written does not cost the field.
+    #[cfg(unix)]
+    #[test]
+    fn what_is_beside_a_field_is_not_lost() {
+        let folder = folder("beside");
+        let (out, linked) = (folder.join("b.npz"), folder.join("store/linked.npz"));
+        fs::create_dir_all(folder.join("b.views/a-png.png")).unwrap();
+        fs::create_dir_all(folder.join("store")).unwrap();
+        fs::write(&linked, "former").unwrap();
+        std::os::unix::fs::symlink("store/linked.npz", &out).unwrap();
+        write(&folder.join("a.npz"), &field(), None, &[], &json!({ "of": "a" })).unwrap();
+        let preview = Comparison {
+            name: "a.png".into(),
+            width: 1,
+            height: 1,
+            photographed: vec![[0; 3]],
+            rendered: vec![[0; 3]],
+            ..Comparison::default()
+        };
+        write(&out, &field(), None, &[preview], &json!({ "of": "b" })).unwrap();
+        let report = |name: &str| -> Value { serde_json::from_slice(&fs::read(folder.join(name)).unwrap()).unwrap() };
+        assert_eq!([&report("report.json.old")["of"], &report("report.json")["of"]], ["a", "b"]);
+        assert!(out.is_symlink() && fs::read(&linked).unwrap() == fs::read(folder.join("a.npz")).unwrap());
+        assert_eq!(fs::read_dir(folder.join("store")).unwrap().count(), 1);
+        fs::remove_dir_all(&folder).unwrap();
     }
 
     /// A field in which nothing is visible has no palette, but it is written, without the palette of another one.
     #[test]
     fn fields_without_a_palette_are_written() {
-        let folder = std::env::temp_dir().join(format!("plenoctree-output-{}", std::process::id()));
-        fs::create_dir_all(&folder).unwrap();
+        let (folder, field) = (folder("empty"), field());
         let out = folder.join("solid.npz");
-        let settings = BakeSettings { depth: 2, basis: Basis::Rgba, directions: 8, ..Default::default() };
-        let field = bake(&settings, |_| 0.0, |_| |_| glam::DVec3::ONE).unwrap();
         fs::write(folder.join("solid.palette.json"), "another").unwrap();
         let palette = palette(&out, &field, &Arguments::parse_from(["test"]).extraction);
         assert!(palette.is_none());

@@ -47,8 +47,8 @@ pub struct Arguments {
     /// The views to measure.
     #[command(flatten)]
     pub views: ViewArguments,
-    /// Also print the size of every section of the file.
-    #[arg(long)]
+    /// Also print the size of every section of the packed file.
+    #[arg(long, conflicts_with = "npz")]
     pub verbose: bool,
 }
 

@@ -23,13 +23,13 @@ pub fn run(arguments: &Arguments) -> Result {
         files::check_image(image)?;
         files::check_outputs(&[image], &[path])?;
     }
-    let outputs: Vec<&Path> = arguments.image.iter().chain(&arguments.out).map(PathBuf::as_path).collect();
+    let out = (!arguments.edits.is_empty()).then(|| arguments.out.as_ref().unwrap_or(path));
+    let outputs: Vec<&Path> = arguments.image.iter().chain(out).map(PathBuf::as_path).collect();
     files::check_outputs(&outputs, &[])?;
     for edit in &arguments.edits {
         edit.apply(&mut palette).map_err(|error| format!("{}: {error}", path.display()))?;
     }
-    if !arguments.edits.is_empty() {
-        let out = arguments.out.as_ref().unwrap_or(path);
+    if let Some(out) = out {
         files::keep_former_palette(out, Some(&palette))?;
         palette.write(out)?;
     }

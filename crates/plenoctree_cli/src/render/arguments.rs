@@ -9,7 +9,8 @@ use crate::{capture::CaptureArguments, field::FieldArguments, hex, size::parse_s
 /// Render views of a capture or of a field.
 #[derive(Args)]
 pub struct Arguments {
-    /// A capture of Gaussian splats (.ply, .spz, .sog, meta.json, .glb or .gltf), or a field (.npz or .plenoctree).
+    /// A capture of Gaussian splats (.ply, .spz, .sog, meta.json, .splat, .glb or .gltf), or a field (.npz or
+    /// .plenoctree).
     pub input: PathBuf,
     /// The cameras: a transforms.json file, in the coordinates of the capture.
     #[arg(long, value_name = "FILE")]

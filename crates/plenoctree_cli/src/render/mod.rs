@@ -51,6 +51,9 @@ pub fn run(arguments: &Arguments) -> Result {
     files::check_folder(&arguments.out, &inputs.map(PathBuf::as_path).collect::<Vec<_>>(), is_view)?;
     let extension = path.extension().unwrap_or_default();
     let scene = if PlenOctree::EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known)) {
+        if arguments.capture.are_given() {
+            return Err(format!("{}: --spz-axes is for captures", path.display()).into());
+        }
         let field = arguments.field.load(path, arguments.quiet)?;
         if field.leaves() == 0 {
             return Err(format!("{}: nothing is visible in the field", path.display()).into());
@@ -63,9 +66,10 @@ pub fn run(arguments: &Arguments) -> Result {
     };
     files::create_folder(&arguments.out)?;
     let bar = progress::bar("rendering", cameras.len() as u64, arguments.quiet);
-    for (index, camera) in cameras.iter().enumerate() {
+    let names: Vec<String> = (0..cameras.len()).map(|index| format!("{index:03}.png")).collect();
+    for (camera, name) in cameras.iter().zip(&names) {
         let pixels = scene.pixels(camera);
-        let file = arguments.out.join(format!("{index:03}.png"));
+        let file = arguments.out.join(name);
         let pixel = |x: u32, y: u32| pixels[(y * camera.width + x) as usize];
         match arguments.background {
             Some(background) => {
@@ -90,6 +94,7 @@ pub fn run(arguments: &Arguments) -> Result {
         bar.inc(1);
     }
     bar.finish_and_clear();
+    files::warn_of_earlier_images(&arguments.out, &names, is_view);
     if !arguments.quiet {
         let views = counted(cameras.len(), "view", "views");
         console::say!("{views} of {} saved to {}", path.display(), arguments.out.display());

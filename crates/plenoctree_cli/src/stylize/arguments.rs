@@ -115,7 +115,7 @@ impl Arguments {
     }
 
     /// Checks what the parser cannot: settings that the reference does not have, and whether the histograms can be
-    /// written.
+    /// written. Creates the folder.
     pub fn check(&self, field: &Path) -> Result {
         if self.renderer == Renderer::Reference {
             let ignored = [
@@ -128,13 +128,13 @@ impl Arguments {
             }
         }
         self.extraction.settings()?;
+        files::create_folder(&self.out)?;
         let histograms = self.extraction.histograms.as_deref();
         let inputs: Vec<&Path> = [field].into_iter().chain(self.cameras.as_deref()).collect();
         files::check_folder(&self.out, &inputs, output::writes)?;
         // The palette is not written if it is there already.
         let palette: Vec<&Path> = self.palette.as_deref().into_iter().collect();
         files::check_folder(&self.out, &palette, |name| name != output::PALETTE && output::writes(name))?;
-        files::check_folder(&self.out, &histograms.into_iter().collect::<Vec<_>>(), output::writes)?;
         histograms.into_iter().try_for_each(|path| files::check_outputs(&[path], &inputs))
     }
 

@@ -83,7 +83,6 @@ pub fn run(arguments: &Arguments) -> Result {
         pixel::apply(&arguments.pixel, &palette, settings.blend_steps, labeled.dimensions(), label_at, shown)?;
     }
 
-    files::create_folder(&arguments.out)?;
     output::write_palette(&palette, arguments.palette.as_deref(), &arguments.out)?;
     let bar = progress::bar("rendering", cameras.len() as u64, arguments.quiet);
     let mut times = Vec::new();
@@ -101,7 +100,7 @@ pub fn run(arguments: &Arguments) -> Result {
     bar.finish_and_clear();
 
     report::write(&arguments.out, &field, &renderer.adapter(), extracted.as_ref(), &palette, &times)?;
-    output::warn_of_earlier_frames(&arguments.out, times.iter().flat_map(|(files, _)| files));
+    files::warn_of_earlier_images(&arguments.out, times.iter().flat_map(|(files, _)| files), output::is_of_frame);
     if !arguments.quiet {
         let views = counted(cameras.len(), "view", "views");
         console::say!("{views} of {} saved to {}", path.display(), arguments.out.display());

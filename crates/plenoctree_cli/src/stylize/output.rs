@@ -1,11 +1,11 @@
 //! Writes the images and the palette.
 
-use std::{collections::HashSet, fs, path::Path};
+use std::path::Path;
 
 use image::RgbImage;
 use plenoctree::palette::Palette;
 
-use crate::{console, files, number::counted, result::Result, swatches};
+use crate::{files, result::Result, swatches};
 
 /// Writes the images of a view, named by their kinds, and returns the names of their files.
 pub fn write_frame(images: &[(&str, RgbImage)], index: usize, folder: &Path) -> Result<Vec<String>> {
@@ -26,23 +26,10 @@ pub fn writes(name: &str) -> bool {
 }
 
 /// Returns whether this is a name of an image of a view.
-fn is_of_frame(name: &str) -> bool {
+pub fn is_of_frame(name: &str) -> bool {
     let Some((index, kind)) = name.strip_prefix("frame_").and_then(|name| name.split_once('.')) else { return false };
     let is_kind = ["original.png", "posterized.png", "recolored.png"].contains(&kind);
     is_kind && index.bytes().all(|byte| byte.is_ascii_digit())
-}
-
-/// Warns if there are images from an earlier run beside those that were `written`: nothing else tells them apart.
-pub fn warn_of_earlier_frames<'a>(folder: &Path, written: impl Iterator<Item = &'a String>) {
-    let written: HashSet<_> = written.collect();
-    let names = fs::read_dir(folder).into_iter().flatten().flatten().flat_map(|entry| entry.file_name().into_string());
-    let earlier = names.filter(|name| is_of_frame(name) && !written.contains(name));
-    let mut earlier: Vec<_> = earlier.collect();
-    earlier.sort();
-    if let Some(first) = earlier.first() {
-        let images = counted(earlier.len(), "image", "images");
-        console::complain!("warning: {}: also holds {images} from an earlier run, such as {first}", folder.display());
-    }
 }
 
 /// Writes `palette.json`, unless the palette was read from there, and `palette.png`.

@@ -40,7 +40,7 @@ pub fn write(
         "frames": frames.iter().map(frame).collect::<Vec<_>>(),
     });
     let (path, text) = (folder.join("report.json"), serde_json::to_string_pretty(&report)?);
-    files::keep_former_report(&path, "frames")?;
+    files::keep_former_report(&path, |former| former.get("frames").is_some())?;
     files::write_text(&path, &(text + "\n"))
 }
 

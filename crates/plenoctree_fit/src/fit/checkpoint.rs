@@ -118,7 +118,10 @@ impl Checkpoint {
             let model = Model { grid, backdrop: backdrop.with_texels(texels), gains };
             Ok(Ok(Self { model, position, random }))
         };
-        read().map_err(FitError::io(path))?.map_err(unexpected)
+        match read() {
+            Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Err(unexpected("a file that is cut off")),
+            read => read.map_err(FitError::io(path))?.map_err(unexpected),
+        }
     }
 }
 

@@ -17,6 +17,8 @@ pub struct FitReport {
     pub leaves: usize,
     /// Levels of the field.
     pub depth: u32,
+    /// The share of the leaves that are in the largest part, if only that is kept.
+    pub largest_part: Option<f64>,
     /// Whether the fit was stopped early.
     pub stopped: bool,
     /// Why the state of a fit that was stopped could not be saved. It cannot be resumed from there, but perhaps from an

@@ -2,7 +2,6 @@
 
 use std::{
     cell::Cell,
-    fs,
     hash::{DefaultHasher, Hash, Hasher},
     sync::Arc,
     time::{Duration, Instant},
@@ -216,7 +215,11 @@ pub fn fit(
     let visible = visibility::visible(&model.grid, &gallery.cameras(), limits);
     let mut kept = settings.crop.map(|crop| cropped(&model.grid, &visible, &in_frame(crop)));
     if settings.keep_largest {
-        kept = Some(largest_part(&model.grid, kept.as_ref().unwrap_or(&visible), 0.2));
+        let before = kept.as_ref().unwrap_or(&visible);
+        let largest = largest_part(&model.grid, before, 0.2);
+        let [part, all] = [&largest, before].map(|voxels| voxels.voxels().count() as f64);
+        report.largest_part = Some(part / all);
+        kept = Some(largest);
     }
     let whole = to_field(&model.grid, &visible)?;
     let cut = kept.map(|kept| to_field(&model.grid, &kept)).transpose()?;
@@ -241,10 +244,6 @@ pub fn fit(
     report.depth = field.depth();
     report.cube = [cube.low.to_array(), (cube.low + cube.size).to_array()];
     report.seconds = Seconds { preparing, training, measuring: start.elapsed().as_secs_f64() };
-    if let Some(path) = saved.filter(|_| !report.stopped) {
-        // One that cannot be removed costs nothing but its space.
-        let _ = fs::remove_file(path);
-    }
     Ok(Fitted { field, previews, report })
 }
 

@@ -44,8 +44,8 @@ pub struct FitSettings {
     pub keep_largest: bool,
     /// Cut the field to this box, in the frame of the cameras, after it is fitted.
     pub crop: Option<(DVec3, DVec3)>,
-    /// A file to which a checkpoint is written every minute and when training ends. It is removed when the fit is
-    /// complete. If it cannot be written, the fit goes on.
+    /// A file to which a checkpoint is written every minute and when training ends. It is there until you remove it, so
+    /// that nothing is lost if the field cannot be saved. If it cannot be written, the fit goes on.
     pub checkpoint: Option<PathBuf>,
     /// Resume from the checkpoint if there is one. The field is then as good as if the fit had not been interrupted,
     /// but not identical.

@@ -153,7 +153,7 @@ pub fn cropped(grid: &Grid, kept: &VoxelSet, to: &TurnedBox) -> VoxelSet {
 }
 
 /// Returns the largest part of `kept` that is connected through voxels at least `thick`, and the thinner voxels around
-/// it.
+/// it. If no voxel is that thick, nothing is connected, and all are returned.
 pub fn largest_part(grid: &Grid, kept: &VoxelSet, thick: f32) -> VoxelSet {
     const NONE: u32 = 0;
     let mut part_of = vec![NONE; grid.len()];
@@ -185,7 +185,7 @@ pub fn largest_part(grid: &Grid, kept: &VoxelSet, thick: f32) -> VoxelSet {
     }
     let largest = (1..sizes.len()).max_by_key(|&part| sizes[part]).unwrap_or(0) as u32;
     let is_near = |voxel: &Voxel| around(grid, *voxel).any(|next| part_of[next as usize] == largest);
-    VoxelSet::of(grid.resolution(), kept.voxels().filter(|voxel| largest != NONE && is_near(voxel)))
+    VoxelSet::of(grid.resolution(), kept.voxels().filter(|voxel| largest == NONE || is_near(voxel)))
 }
 
 /// Returns a voxel, and those that it touches, some of them several times.
@@ -239,6 +239,16 @@ mod tests {
         assert_eq!(sizes(&field), [1, 4]);
         assert!(field.densities().iter().all(|density| (density / (0.3 * 64.0) - 1.0).abs() < 1e-5));
         assert!(field.coefficients().iter().all(|value| (value.to_f32() - 0.5).abs() < 1e-3));
+    }
+
+    /// The largest part is kept, or all of a haze without solid parts.
+    #[test]
+    fn the_largest_part_of_haze_is_all_of_it() {
+        for (thickness, kept) in [(0.3, 64), (0.1, 65)] {
+            let grid = grid(|_| thickness, |_| 0.0);
+            let all = VoxelSet::of(grid.resolution(), grid.voxels());
+            assert_eq!(largest_part(&grid, &all, 0.2).voxels().count(), kept, "{thickness}");
+        }
     }
 
     /// Leaves that differ in what is seen of them are not, unless there would be too many.

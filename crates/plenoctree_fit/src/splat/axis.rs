@@ -24,6 +24,21 @@ pub enum Axis {
 }
 
 impl Axis {
+    /// All directions.
+    pub const ALL: [Self; 6] = [Self::NegativeY, Self::Y, Self::NegativeZ, Self::Z, Self::NegativeX, Self::X];
+
+    /// Returns its name, such as `-y`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::X => "x",
+            Self::NegativeX => "-x",
+            Self::Y => "y",
+            Self::NegativeY => "-y",
+            Self::Z => "z",
+            Self::NegativeZ => "-z",
+        }
+    }
+
     /// Returns the unit vector.
     pub fn direction(self) -> DVec3 {
         match self {
@@ -39,21 +54,13 @@ impl Axis {
     /// Returns the axis that is nearest to a direction, or `None` if it is not one.
     pub(super) fn nearest(direction: DVec3) -> Option<Self> {
         let length = |axis: &Self| axis.direction().dot(direction);
-        let all = [Self::NegativeY, Self::Y, Self::NegativeZ, Self::Z, Self::NegativeX, Self::X];
-        let nearest = all.into_iter().max_by(|a, b| length(a).total_cmp(&length(b)))?;
+        let nearest = Self::ALL.into_iter().max_by(|a, b| length(a).total_cmp(&length(b)))?;
         (direction.is_finite() && length(&nearest) > 0.0).then_some(nearest)
     }
 }
 
 impl fmt::Display for Axis {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(match self {
-            Self::X => "x",
-            Self::NegativeX => "-x",
-            Self::Y => "y",
-            Self::NegativeY => "-y",
-            Self::Z => "z",
-            Self::NegativeZ => "-z",
-        })
+        f.write_str(self.name())
     }
 }

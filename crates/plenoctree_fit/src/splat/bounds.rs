@@ -27,7 +27,7 @@ impl Splats {
     /// median Gaussian if that is more. This contains an object that fills most of the capture. Shells of background
     /// farther away are left out.
     pub fn dense_bounds(&self) -> Option<(DVec3, DVec3)> {
-        let visible = || self.gaussians().iter().filter(|gaussian| gaussian.opacity >= FAINTEST);
+        let visible = || visible(self);
         let (mut low, mut high) = (DVec3::ZERO, DVec3::ZERO);
         let reaches: Vec<DVec3> = visible().map(reach).collect();
         for axis in 0..3 {
@@ -50,14 +50,17 @@ impl Splats {
             let beyond = (BEYOND * (last - first)).max(*median);
             (low[axis], high[axis]) = (first - beyond, last + beyond);
         }
-        let inside = visible().filter(|gaussian| {
-            let at = gaussian.position.as_dvec3();
-            at.cmpge(low).all() && at.cmple(high).all()
-        });
-        let (first, last) = inside.fold((DVec3::MAX, DVec3::MIN), |(first, last), gaussian| {
+        self.bounds_in(low, high)
+    }
+
+    /// Returns the lowest and the highest corner of the box around the visible Gaussians whose centers are in a box,
+    /// beyond which it does not reach but for a margin, or `None` if there are none.
+    pub(super) fn bounds_in(&self, low: DVec3, high: DVec3) -> Option<(DVec3, DVec3)> {
+        let places = visible(self).filter_map(|gaussian| {
             let (at, reach) = (gaussian.position.as_dvec3(), reach(gaussian));
-            (first.min(at - reach), last.max(at + reach))
+            is_inside(at, low, high).then_some((at - reach, at + reach))
         });
+        let (first, last) = places.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
         let (first, last) = (first.max(low), last.min(high));
         // A box around a single point would be empty.
         let extent = (last - first).max_element();
@@ -67,10 +70,7 @@ impl Splats {
 
     /// Returns the capture without the Gaussians whose centers are outside a box.
     pub fn cropped(&self, low: DVec3, high: DVec3) -> Self {
-        self.filtered(|gaussian| {
-            let at = gaussian.position.as_dvec3();
-            at.cmpge(low).all() && at.cmple(high).all()
-        })
+        self.filtered(|gaussian| is_inside(gaussian.position.as_dvec3(), low, high))
     }
 
     /// Returns the largest connected part of the content of a box, and its immediate surroundings. The rest are
@@ -124,6 +124,15 @@ impl Splats {
         }
         self.filtered(|gaussian| cell_of(gaussian.position.as_dvec3()).is_some_and(|cell| kept[cell]))
     }
+}
+
+/// Returns the Gaussians that are drawn.
+fn visible(splats: &Splats) -> impl Iterator<Item = &Gaussian> {
+    splats.gaussians().iter().filter(|gaussian| gaussian.opacity >= FAINTEST)
+}
+
+fn is_inside(at: DVec3, low: DVec3, high: DVec3) -> bool {
+    at.cmpge(low).all() && at.cmple(high).all()
 }
 
 /// Returns the distance from its center, along each axis, within which a Gaussian is visible.

@@ -7,8 +7,8 @@ use super::{axis::Axis, error::SplatError, splats::Splats};
 /// Settings of [`Splats::subject`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SubjectSettings {
-    /// Lowest and highest corner of a box around the subject, in the coordinates of the capture. By default, the box
-    /// contains most Gaussians ([`Splats::dense_bounds`]).
+    /// Lowest and highest corner of a box around the subject, in the coordinates of the capture. All that is visible in
+    /// it counts. By default, the box contains most Gaussians ([`Splats::dense_bounds`]).
     pub crop: Option<(DVec3, DVec3)>,
     /// Keep only the largest connected part, without floaters and backgrounds.
     pub keep_largest: bool,
@@ -54,18 +54,22 @@ impl Splats {
             splats = splats.transformed(DAffine3::from_mat3(turn));
         }
         let place = if settings.crop.is_some() { "the box to crop to" } else { "the file" };
-        let bounds = |splats: &Splats| splats.dense_bounds().ok_or_else(|| SplatError::Empty { place: place.into() });
+        // Rotations map axes to axes, so the box stays aligned to them.
+        let crop = settings.crop.map(|(low, high)| (turn * low, turn * high));
+        let crop = crop.map(|(first, last)| (first.min(last), first.max(last)));
+        // Everything in a box that was chosen counts, also what is far from the rest.
+        let bounds = |splats: &Splats| {
+            let found = crop.map_or_else(|| splats.dense_bounds(), |(low, high)| splats.bounds_in(low, high));
+            found.ok_or_else(|| SplatError::Empty { place: place.into() })
+        };
         let (mut low, mut high) = bounds(&splats)?;
         splats = splats.cropped(low, high);
         if settings.keep_largest {
             splats = splats.largest_part(low, high);
             (low, high) = bounds(&splats)?;
         }
-        if let Some((first, last)) = settings.crop {
-            // Rotations map axes to axes, so the box stays aligned to them.
-            let corners = (turn * first, turn * last);
-            low = low.max(corners.0.min(corners.1));
-            high = high.min(corners.0.max(corners.1));
+        if let Some((first, last)) = crop {
+            (low, high) = (low.max(first), high.min(last));
         }
         Ok(Subject { splats, low, high, turn })
     }

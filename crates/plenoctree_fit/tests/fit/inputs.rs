@@ -210,6 +210,40 @@ fn moved_pictures_are_found() {
     assert!(message.contains("v_1.png") && message.contains("20x20") && message.contains("40x40"), "{message}");
 }
 
+/// Names in COLMAP models may be from other systems and other places, too.
+#[test]
+fn moved_pictures_of_colmap_are_found() {
+    let cameras = cameras(3);
+    let folder = folder("moved_colmap");
+    write_pictures(&folder.join("images/train"), &cameras, None, |_| 1.0);
+    write_colmap_text(&folder, &cameras, "1 SIMPLE_PINHOLE 40 40 50 20 20");
+    let images = folder.join("sparse/0/images.txt");
+    let text = fs::read_to_string(&images).unwrap();
+    for prefix in [r"train\", "/home/someone/scene/images/train/"] {
+        fs::write(&images, text.replace("v_", &format!("{prefix}v_"))).unwrap();
+        let views = read(&folder).unwrap().views;
+        let expected = fs::canonicalize(folder.join("images/train/v_2.png")).unwrap();
+        assert_eq!(fs::canonicalize(&views[2].picture).unwrap(), expected, "{prefix}");
+    }
+}
+
+/// A picture that is listed twice with the same pose counts once. With another pose, there is no telling which one is
+/// right.
+#[test]
+fn views_that_are_listed_twice_count_once() {
+    let cameras = cameras(4);
+    let folder = folder("twice");
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    write_transforms(&folder, &[&cameras[..], &cameras[..3]].concat());
+    let file = folder.join("transforms.json");
+    let text = fs::read_to_string(&file).unwrap();
+    fs::write(&file, text.replace("v_4", "v_0.png").replace("v_5", "v_1").replace("v_6", "v_3")).unwrap();
+    let input = read(&folder).unwrap();
+    let names: Vec<_> = input.views.iter().map(|view| &view.name[..]).collect();
+    assert_eq!(names, ["./v_0", "./v_1", "./v_2", "./v_3", "./v_3"]);
+    assert!(input.notes[0].starts_with("2 of 7 pictures are listed again"), "{:?}", input.notes);
+}
+
 /// Of several COLMAP models, the one with the most pictures counts, and the others are named.
 #[test]
 fn the_largest_colmap_model_counts() {

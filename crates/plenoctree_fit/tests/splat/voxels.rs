@@ -4,7 +4,7 @@ use glam::{DAffine3, DVec3, Quat, Vec3};
 use plenoctree::{
     Basis, LoadSettings, PackSettings, Packed, PlenOctree, camera::PinholeCamera, reference::render, sampling::Progress,
 };
-use plenoctree_fit::splat::{Gaussian, Splats, SubjectSettings, VoxelSettings, Voxels, render_splats, voxelize};
+use plenoctree_fit::splat::{Axis, Gaussian, Splats, SubjectSettings, VoxelSettings, Voxels, render_splats, voxelize};
 
 /// A ball of colored Gaussians on its surface, some of which are thin, and a bar next to it.
 fn ball(degree: u32) -> Splats {
@@ -351,6 +351,26 @@ fn haze_is_kept_with_keep_largest() {
     let kept = haze.clone().subject(&settings).unwrap().splats;
     assert_eq!(kept, haze.subject(&SubjectSettings::default()).unwrap().splats);
     assert!(voxelize(&kept, &VoxelSettings { depth: 6, ..Default::default() }).unwrap().leaves() > 0);
+}
+
+/// All that is visible in a box that was chosen is converted, also what is far from most Gaussians.
+#[test]
+fn what_is_in_the_chosen_box_is_kept() {
+    let mut splats = ball(0);
+    for x in [9.0, 12.0] {
+        let far = Gaussian { position: Vec3::new(x, 0.0, 0.0), ..splats.gaussians()[0] };
+        splats.push(far, &[Vec3::ZERO]);
+    }
+    let crop = Some((DVec3::splat(-10.0), DVec3::splat(10.0)));
+    for up in [None, Some(Axis::NegativeY)] {
+        let settings = SubjectSettings { crop, up, ..Default::default() };
+        let subject = splats.clone().subject(&settings).unwrap();
+        assert_eq!(subject.splats.len(), splats.len() - 1);
+        assert!((9.0..=10.0).contains(&subject.high.x) && (1.0..1.3).contains(&subject.high.y), "{}", subject.high);
+        let (low, high) =
+            splats.clone().subject(&SubjectSettings { up, ..Default::default() }).map(|s| (s.low, s.high)).unwrap();
+        assert!((low.x + high.x).abs() < 0.1 && high.x < 1.3, "{low} {high}");
+    }
 }
 
 /// Settings out of range and boxes without anything are errors.

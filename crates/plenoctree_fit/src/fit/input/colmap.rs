@@ -14,6 +14,7 @@ use super::{
     lens::{Distortion, Lens},
     parts::{FitInput, InputFolders},
     picture,
+    transforms::find,
     view::{CameraMaker, View},
 };
 use crate::fit::error::FitError;
@@ -80,20 +81,23 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
         return Err(FitError::found(folder, "points3D", point.to_string(), "finite positions"));
     }
     let pictures = pictures(folder, folders, &images)?;
-    let (images, missing): (Vec<_>, Vec<_>) =
-        images.into_iter().partition(|image| pictures.join(&image.name).is_file());
-    let missing: Vec<PathBuf> = missing.into_iter().map(|image| pictures.join(image.name)).collect();
-    if let (true, Some(first)) = (images.is_empty(), missing.first()) {
+    let (mut found, mut missing) = (Vec::new(), Vec::new());
+    for image in images {
+        match find(&pictures, &image.name, folders.pictures.is_some()) {
+            Some(path) => found.push((image, path)),
+            None => missing.push(pictures.join(image.name)),
+        }
+    }
+    if let (true, Some(first)) = (found.is_empty(), missing.first()) {
         return Err(FitError::found(folder, "pictures", format!("no file {}", first.display()), "a PNG or JPEG file"));
     }
     let mut maker = CameraMaker::default();
-    let views = (images.into_iter())
-        .map(|image| {
+    let views = (found.into_iter())
+        .map(|(image, path)| {
             let what = format!("image {}", image.name);
             let camera = cameras.get(&image.camera).ok_or_else(|| {
                 FitError::found(folder, what.clone(), format!("camera {}", image.camera), "one of the cameras")
             })?;
-            let path = pictures.join(&image.name);
             let size = picture::size(&path)?;
             if (u64::from(size.0), u64::from(size.1)) != (camera.width, camera.height) {
                 let expected = format!("{}x{}, as camera {} states", camera.width, camera.height, image.camera);
@@ -146,7 +150,7 @@ fn pictures(folder: &Path, folders: &InputFolders, images: &[Image]) -> Result<P
     let absolute = fs::canonicalize(folder).map_err(FitError::io(folder))?;
     let mut best: (usize, Option<PathBuf>) = (0, None);
     for pictures in absolute.ancestors().take(4).flat_map(|above| [above.join("images"), above.into()]) {
-        let found = images.iter().filter(|image| pictures.join(&image.name).is_file()).count();
+        let found = images.iter().filter(|image| find(&pictures, &image.name, false).is_some()).count();
         if found > best.0 {
             best = (found, Some(pictures));
         }

@@ -8,6 +8,7 @@ mod transforms;
 mod view;
 
 use std::{
+    collections::HashSet,
     fs,
     path::{Path, PathBuf},
     sync::Arc,
@@ -70,6 +71,17 @@ impl FitInput {
         }
         // The order of files varies, so sort them by name, with numbers in numeric order.
         input.views.sort_by_cached_key(|view| natural(&view.name));
+        let all = input.views.len();
+        let mut listed = HashSet::new();
+        input.views.retain(|View { picture, camera, .. }| {
+            let pose = [camera.rotation.to_cols_array().as_slice(), &camera.position.to_array()].concat();
+            listed.insert((picture.clone(), pose.into_iter().map(f64::to_bits).collect::<Vec<_>>()))
+        });
+        // One of them would be fitted and another one held out, or they would count twice.
+        if input.views.len() < all {
+            let again = all - input.views.len();
+            input.notes.push(format!("{again} of {all} pictures are listed again with the same pose and are left out"));
+        }
         if let Some(folder) = &folders.masks {
             for view in &mut input.views {
                 view.mask = Some(mask_in(folder, &view.name, &view.picture)?);

@@ -193,7 +193,7 @@ fn view(
 
 /// Finds a picture whose name may lack its extension, or have the separators of another system. If the name is absolute
 /// or the pictures are `moved`, they may also be in a part of the named folders.
-fn find(folder: &Path, name: &str, moved: bool) -> Option<PathBuf> {
+pub fn find(folder: &Path, name: &str, moved: bool) -> Option<PathBuf> {
     let with_ending = |path: PathBuf| {
         let mut others = ENDINGS.iter().map(|ending| path.with_added_extension(ending));
         if path.is_file() { Some(path.clone()) } else { others.find(|path| path.is_file()) }
