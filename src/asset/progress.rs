@@ -12,7 +12,7 @@ use bevy::{
     tasks::futures_lite::{AsyncReadExt, AsyncSeekExt},
 };
 
-/// The number of bytes after which progress is counted.
+/// The number of bytes that are read at once, after which progress is counted.
 const CHUNK: usize = 1 << 18;
 
 /// The files that are being read, and the fraction of each that has been.
@@ -50,7 +50,14 @@ impl FileRead {
             let length = file.seek(SeekFrom::End(0)).await?;
             file.seek(SeekFrom::Start(0)).await?;
             bytes.reserve_exact(usize::try_from(length).unwrap_or_default());
-            while (&mut *file).take(CHUNK as u64).read_to_end(&mut bytes).await? > 0 {
+            // `read_to_end` would fill all of the memory that is left with zeros, for every chunk.
+            let mut chunk = vec![0; CHUNK];
+            loop {
+                let read = file.read(&mut chunk).await?;
+                if read == 0 {
+                    break;
+                }
+                bytes.extend_from_slice(&chunk[..read]);
                 let share = (bytes.len() as f64 / length.max(1) as f64).min(1.0) as f32;
                 self.files.files().insert(self.file.clone(), share);
             }
@@ -65,5 +72,26 @@ impl FileRead {
 impl Drop for FileRead {
     fn drop(&mut self) {
         self.files.files().remove(&self.file);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::{asset::io::VecReader, tasks::block_on};
+
+    use super::*;
+
+    /// Nor does reading take more memory than the file.
+    #[test]
+    fn whole_files_are_read() {
+        for length in [0, 1, CHUNK, 3 * CHUNK + 5] {
+            let file: Vec<u8> = (0..length).map(|index| (index % 251) as u8).collect();
+            let files = FilesRead::default();
+            let path = AssetPath::from("toy.npz");
+            let mut watched = files.watch(path.clone());
+            let bytes = block_on(watched.read(&mut VecReader::new(file.clone()))).unwrap();
+            assert!(bytes == file && bytes.capacity() == length);
+            assert_eq!(files.share(&path), Some(1.0));
+        }
     }
 }
