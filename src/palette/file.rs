@@ -140,14 +140,18 @@ pub(super) fn load(
             }
             PaletteSource::Expected(handle) | PaletteSource::Changed(handle) => {
                 if let Some(palette) = loaded.get(&*handle) {
-                    let new = FieldPalette::new(palette.clone());
+                    let current = by_field.get(field);
+                    let mut new = FieldPalette::new(palette.clone());
                     // If a changed file has no shown colors and the same source colors, keep the shown colors.
-                    let is_known = |current: &FieldPalette| {
-                        let keeps_shown = has_changed && palette.shown.is_empty();
-                        let shows_the_same = keeps_shown || current.shown() == new.shown();
-                        current.palette() == new.palette() && shows_the_same
-                    };
-                    if !by_field.get(field).is_some_and(is_known) {
+                    if has_changed
+                        && palette.shown.is_empty()
+                        && let Some(current) = current.filter(|current| current.palette().colors == palette.colors)
+                    {
+                        new.show(current.shown().iter().copied());
+                    }
+                    let is_same =
+                        |current: &FieldPalette| current.palette() == new.palette() && current.shown() == new.shown();
+                    if !current.is_some_and(is_same) {
                         by_field.insert(*field, new);
                         arrived.push(PaletteReady { field: *field, sampled: None });
                     }

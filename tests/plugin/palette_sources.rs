@@ -224,6 +224,16 @@ fn shown_colors_and_ramps_are_saved() {
     });
     assert_eq!(files.heard(), [PaletteReady { field: id, sampled: None }; 2]);
 
+    // A file without shown colors, in which only the ramps changed, keeps what is shown.
+    let mut source = loaded.palette().clone();
+    source.ramps[0].name = "hat".into();
+    source.write(&path).unwrap();
+    files.app.world().resource::<AssetServer>().reload("x.palette.json");
+    files.run_until("the new name", move |world| {
+        world.resource::<Palettes>().get(id).is_some_and(|palette| palette.ramp("hat") == Some(0))
+    });
+    assert_eq!(files.palette(&field).shown()[0].to_srgba(), Srgba::BLACK);
+
     let registry = files.app.world().resource::<AppTypeRegistry>().read();
     let reflected: FieldPalette = round_trip(&loaded, &registry);
     assert_eq!((reflected.palette(), reflected.shown()), (loaded.palette(), loaded.shown()));
