@@ -77,6 +77,13 @@ impl Pose {
         self.world_from_field().transform_point3(self.frame.to_world(0.5 * (self.low + self.high)))
     }
 
+    /// Returns the radius of a ball around that center that contains the box, in world units of the scene.
+    #[cfg(feature = "shadows")]
+    pub fn radius(&self) -> f64 {
+        let axes = self.world_from_field().matrix3 * self.field_from_box().matrix3;
+        0.5 * (axes.x_axis.length() + axes.y_axis.length() + axes.z_axis.length())
+    }
+
     /// Returns the rays of a camera, or `None` if the prop has no volume or is nowhere: if a transform is degenerate or
     /// not finite.
     pub fn rays(&self, world_from_view: &GlobalTransform, clip_from_view: Mat4, viewport: UVec2) -> Option<Rays> {
