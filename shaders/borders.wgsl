@@ -101,8 +101,8 @@ fn bordered(
     // The color of the pixel, and its gradient from a quadratic B-spline of the colors around it. Likewise, how much each
     // candidate is the label there, which counts only while labels are kept from frame to frame.
     let here = placed(prop, unpack(textureLoad(filtered, pixel, 0)));
-    var place = mat3x3<f32>();
-    var support = mat3x4<f32>();
+    var place: array<vec3<f32>, 3>;
+    var support: array<vec4<f32>, 3>;
     for (var i = 0; i < 9; i++) {
         let offset = vec2(i % 3 - 1, i / 3 - 1);
         let there = label_of(labels, pixel + offset, own.y);

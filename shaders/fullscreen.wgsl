@@ -18,7 +18,7 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
     }
 #endif
     // Passes that test the props' depth run only where a prop was drawn, or everywhere if the view is posterized. Those
-    // at edges test their mask.
+    // at edges test their mask. Between two depths, so that rounding does not matter.
 #ifdef ESTIMATED
     let depth = MASK_OF_ESTIMATES;
 #else ifdef WITH_RAYS
@@ -26,9 +26,9 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
 #else ifdef AT_EDGES
     let depth = 0.5 * (MASK_OF_PROPS + MASK_OF_ESTIMATES);
 #else ifdef LIGHTS
-    let depth = LEAST_DEPTH;
+    let depth = 0.5 * LEAST_DEPTH;
 #else
-    let depth = select(0.0, LEAST_DEPTH, screen.view_posterize == 0u);
+    let depth = select(0.0, 0.5 * LEAST_DEPTH, screen.view_posterize == 0u);
 #endif
     return Triangle(vec4(vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0, depth, 1.0), instance);
 }

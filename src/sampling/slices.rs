@@ -28,8 +28,8 @@ use crate::gpu::{Allocator, GpuField, GpuLevel, SAMPLING_WORKGROUP, buffer_with}
 /// The approximate minimum number of rays in a slice, and the number in the first one, before the speed of the GPU is
 /// known.
 const FEWEST_RAYS: usize = 1 << 16;
-/// The approximate maximum number of rays in a slice. Drivers reset a GPU that is busy for several seconds.
-const MOST_RAYS: usize = 1 << 26;
+/// The approximate maximum number of rays in a slice. Drivers reset a GPU that is busy for two seconds.
+const MOST_RAYS: usize = 1 << 22;
 /// The number of views in a slice, if there is a budget.
 const VIEWS: usize = FEWEST_RAYS / (ViewRays::SIDE * ViewRays::SIDE);
 /// The number of words of the lattice that are uploaded in a frame, if there is a budget: 4 MiB.

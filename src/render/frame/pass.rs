@@ -31,6 +31,8 @@ pub(in crate::render) struct Pass {
     pub depth: Option<Slot>,
     /// What its attachments hold when it begins. If it is `None`, they keep what they hold.
     pub clear: Option<Clear>,
+    /// Whether it draws every pixel. GPUs that draw tile by tile need not load what its attachments hold.
+    pub covers_all: bool,
     /// A buffer that is filled with zeros before it.
     pub zeroes: Option<Slot>,
     /// The number of samples per pixel.
@@ -54,6 +56,7 @@ impl Pass {
             writes: vec![],
             depth: None,
             clear: None,
+            covers_all: false,
             zeroes: None,
             samples: 1,
             draws: (0..programs.len()).map(Draw::triangle).collect(),

@@ -112,7 +112,7 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
     }
     // What may be cached is cleared by a draw call, because only the GPU knows whether it must be.
     let may_keep = pass.result.is_some_and(|result| !cached.is_drawn(result));
-    let clear = pass.clear.filter(|_| !may_keep);
+    let clear = pass.clear.or(pass.covers_all.then_some(Clear::Zero)).filter(|_| !may_keep);
     let attach = |slot: &Slot| {
         let load = clear.map_or(LoadOp::Load, |clear| LoadOp::Clear(clear.color()));
         Some(match slot {

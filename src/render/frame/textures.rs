@@ -35,7 +35,7 @@ pub(in crate::render) struct Textures {
 /// For how many frames textures and buffers stay that no pass uses.
 const IDLE_FRAMES: u32 = 2;
 
-/// The sizes of textures are multiples of this, in pixels, unless the viewport is smaller.
+/// The sizes of small textures are multiples of this, in pixels, unless the viewport is smaller.
 const STEP: u32 = 64;
 
 impl Textures {
@@ -175,7 +175,10 @@ fn extent(size: UVec2) -> Extent3d {
 /// Returns the size of textures for `drawn` pixels: that of the `existing` ones, unless they are too small or much
 /// larger.
 fn size_in_steps(existing: UVec2, drawn: UVec2, viewport: UVec2) -> UVec2 {
-    let stepped = ((drawn + STEP - 1) / STEP * STEP).min(viewport.max(drawn));
+    // Of large sizes, an eighth, so that a prop that comes nearer does not recreate them every few frames.
+    let step = [drawn.x, drawn.y].map(|length| STEP.max(length.next_power_of_two() / 8));
+    let step = UVec2::from(step);
+    let stepped = ((drawn + step - 1) / step * step).min(viewport.max(drawn));
     let is_enough = existing.cmpge(drawn).all() && existing.cmple(viewport.max(drawn)).all();
     let most = 2 * (stepped + STEP).element_product();
     if is_enough && existing.element_product() <= most { existing } else { stepped }

@@ -50,6 +50,7 @@ pub(super) fn outline(plan: &Plan) -> Option<Pass> {
         reads: vec![vec![Slot::COLOR, Slot::OWNER, Slot::DEPTH]],
         writes: [&[Slot::Outline][..], rays].concat(),
         depth: Some(Slot::EdgeMask),
+        covers_all: true,
         ..Pass::fullscreen(OUTLINE, Place::Layer, Some(CachedResult::Layer), vec![program])
     })
 }

@@ -38,6 +38,7 @@ pub(super) fn composite(plan: &Plan) -> Option<Pass> {
         reads: vec![reads],
         writes: if outlines { vec![Slot::Even, Slot::Outline] } else { vec![Slot::Even] },
         depth: outlines.then_some(Slot::EdgeMask),
+        covers_all: true,
         ..Pass::fullscreen(COMPOSITE, Place::Posterize, Some(CachedResult::Composite), vec![program])
     })
 }
@@ -57,6 +58,7 @@ pub(super) fn filter(plan: &Plan) -> Vec<Pass> {
             reads: vec![vec![from]],
             writes: vec![to],
             depth: Some(Slot::DEPTH),
+            covers_all: is_first,
             draws: vec![Draw { instance: iteration, ..Draw::triangle(0) }],
             ..Pass::fullscreen(FILTER, Place::Posterize, Some(CachedResult::Composite), vec![program])
         }

@@ -25,6 +25,7 @@ pub(super) fn check(plan: &Plan) -> Pass {
         group: FirstGroup::SceneDepth(plan.samples),
         reads: vec![vec![color, owner, depth, Slot::BatchCounts, Slot::BatchGaps]],
         writes: vec![Slot::Gaps],
+        covers_all: true,
         zeroes: Some(Slot::BatchCounts),
         ..Pass::fullscreen(CHECK, Place::Layer, Some(CachedResult::Layer), vec![Program::new("check")])
     }
@@ -45,6 +46,7 @@ pub(super) fn fill(plan: &Plan) -> Pass {
         reads: vec![reads],
         writes: layer(plan, RaySet::Pixels),
         depth: Some(Slot::DEPTH),
+        covers_all: true,
         ..Pass::fullscreen(FILL, Place::Layer, Some(CachedResult::Layer), vec![program])
     }
 }
