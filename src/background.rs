@@ -34,7 +34,6 @@ pub(crate) fn spawn<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static
 /// While memory is given back, the system and the driver hold locks that frames may wait for. So the thread keeps the
 /// priority of frames, and is done soon.
 pub(crate) fn discard(value: impl Send + 'static, bytes: u64) {
-    #[cfg(not(target_arch = "wasm32"))]
     if bytes >= MUCH
         && let Some(freeing) = FREEING.begin()
     {

@@ -8,7 +8,8 @@ use crate::prop::{Prop, PropProgress, PropState};
 /// A run condition: returns whether no prop is waiting for its field, its palette or its pipelines.
 ///
 /// Props that have [failed](PropState::Failed) do not count, because they would never let a loading screen end. Returns
-/// true if there are no props. A prop that was spawned in this frame is waiting, even if its field is on the GPU.
+/// true if there are no props. A prop that was spawned in this frame is waiting, even if its field is on the GPU. One
+/// that was given another field in this frame counts as before until the next frame.
 pub fn props_ready(props: Query<&PropState, With<Prop>>) -> bool {
     !props.iter().any(PropState::is_waiting)
 }
