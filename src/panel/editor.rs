@@ -29,13 +29,14 @@ type PropData = (
     Option<&'static mut PaletteOverride>,
 );
 
-/// A component that was removed from a prop, to restore when it is added again.
+/// A component that was removed from a prop, to restore when it is added again, and the field that the prop had.
 #[derive(Component)]
-struct Stashed<C: Component>(C);
+struct Stashed<C: Component>(C, AssetId<PlenOctree>);
 
 /// Adds or removes a component. If this removed it, adding it restores it.
 fn toggle<C: Component + Clone + Default>(
     prop: &mut EntityCommands,
+    field: AssetId<PlenOctree>,
     current: Option<&C>,
     stashed: Option<&Stashed<C>>,
     wanted: bool,
@@ -46,7 +47,7 @@ fn toggle<C: Component + Clone + Default>(
             prop.try_insert(restored).try_remove::<Stashed<C>>();
         }
         (Some(current), false) => {
-            prop.try_insert(Stashed(current.clone())).try_remove::<C>();
+            prop.try_insert(Stashed(current.clone(), field)).try_remove::<C>();
         }
         _ => {}
     }
@@ -63,8 +64,8 @@ impl PaletteEditor<'_, '_> {
     ///
     /// Does nothing if the entity is not a [`Prop`].
     pub fn set_posterized(&mut self, prop: Entity, posterized: bool) {
-        if let Ok((_, settings, stashed, ..)) = self.props.get(prop) {
-            toggle(&mut self.commands.entity(prop), settings, stashed, posterized);
+        if let Ok((Prop(field), settings, stashed, ..)) = self.props.get(prop) {
+            toggle(&mut self.commands.entity(prop), field.id(), settings, stashed, posterized);
         }
     }
 
@@ -94,10 +95,12 @@ impl PaletteEditor<'_, '_> {
         self.props.get(prop).ok().and_then(|(.., own)| own)
     }
 
-    /// Adds or removes the [`PaletteOverride`] of `prop`. If it was removed by this function, adding it restores it.
+    /// Adds or removes the [`PaletteOverride`] of `prop`. If it was removed by this function, adding it restores it,
+    /// unless the prop has another field.
     pub(super) fn set_own_colors(&mut self, prop: Entity, own: bool) {
-        if let Ok((.., stashed, colors)) = self.props.get(prop) {
-            toggle(&mut self.commands.entity(prop), colors, stashed, own);
+        if let Ok((Prop(field), .., stashed, colors)) = self.props.get(prop) {
+            let stashed = stashed.filter(|stashed| stashed.1 == field.id());
+            toggle(&mut self.commands.entity(prop), field.id(), colors, stashed, own);
         }
     }
 

@@ -11,7 +11,8 @@ use bevy::{
 };
 use wgpu::{ComputePassTimestampWrites, Features, QuerySet, QuerySetDescriptor, QueryType};
 
-/// Measures one submission: with GPU timestamps if the adapter supports them, otherwise in wall-clock time.
+/// Measures one submission: with GPU timestamps if it must be accurate and the adapter supports them, otherwise in
+/// wall-clock time.
 pub(super) struct SliceClock {
     /// The number of leaves in the slice, or 0 if it is one of views.
     pub leaves: u32,
@@ -26,8 +27,9 @@ struct Timestamps {
 }
 
 impl SliceClock {
-    pub fn new(leaves: u32, device: &RenderDevice) -> Self {
-        let timestamps = device.features().contains(Features::TIMESTAMP_QUERY).then(|| {
+    pub fn new(leaves: u32, is_accurate: bool, device: &RenderDevice) -> Self {
+        let has_timestamps = device.features().contains(Features::TIMESTAMP_QUERY);
+        let timestamps = (is_accurate && has_timestamps).then(|| {
             let buffer = |usage| {
                 let label = Some("plenoctree_slice_clock");
                 device.create_buffer(&BufferDescriptor { label, size: 16, usage, mapped_at_creation: false })

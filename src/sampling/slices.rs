@@ -269,7 +269,7 @@ impl Active {
                 self.lattice.as_entire_buffer_binding(),
             )),
         );
-        let clock = SliceClock::new(leaves, device);
+        let clock = SliceClock::new(leaves, self.job.budget.is_some(), device);
         let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
@@ -298,7 +298,7 @@ impl Active {
     fn look(&mut self, pipeline: Option<&ComputePipeline>, device: &RenderDevice, queue: &RenderQueue) -> bool {
         let views = self.views.as_mut().filter(|views| !views.is_done());
         let Some((views, pipeline)) = views.zip(pipeline) else { return false };
-        let clock = SliceClock::new(0, device);
+        let clock = SliceClock::new(0, self.job.budget.is_some(), device);
         let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
         views.record(&mut encoder, pipeline, &self.field, &clock);
         clock.resolve(&mut encoder);

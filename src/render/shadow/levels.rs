@@ -154,6 +154,10 @@ mod tests {
             // No prop is as large as this.
             let is_far = pose.center().distance(Vec3::from(light).as_dvec3()) > reach + 5.0;
             prop_assert!(is_excluded || !is_far);
+            // Behind the light of a face, or beside the map of a sun.
+            let aside = if is_parallel { world_from_view.right() } else { world_from_view.back() };
+            let center = (world_from_view.translation + 10.0 * aside).as_dvec3();
+            prop_assert!(Sides::of(&view).exclude(center, 5.0, f64::INFINITY));
         }
     }
 }

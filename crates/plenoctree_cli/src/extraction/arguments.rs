@@ -29,7 +29,7 @@ pub struct ExtractionArguments {
     /// The fraction of the leaves to sample, above 0 and at most 1.
     #[arg(long, default_value_t = 1.0, value_parser = parse_fraction)]
     sample_fraction: f64,
-    /// The file to save the histograms to, as arrays `fine` and `coarse`.
+    /// The file to save the histograms to, as arrays `fine` and `coarse`. Its name must end in .npz.
     #[arg(long, value_name = "FILE.npz")]
     pub histograms: Option<PathBuf>,
 }
@@ -55,8 +55,10 @@ impl ExtractionArguments {
     /// Returns the default settings with the changes from the command line. Checks that the histograms do not replace
     /// something else.
     pub fn settings(&self) -> Result<ExtractionSettings, String> {
-        if let Some(file) =
-            self.histograms.as_ref().filter(|file| file.extension().is_none_or(|ending| ending != "npz"))
+        if let Some(file) = self
+            .histograms
+            .as_ref()
+            .filter(|file| file.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("npz")))
         {
             return Err(format!("{}: the name of the histograms must end in .npz", file.display()));
         }

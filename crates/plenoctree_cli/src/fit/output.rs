@@ -212,7 +212,11 @@ impl Quality {
             Some(found) => return Ok(Some(found)),
         };
         let out = out.display();
-        Err(format!("{out}: {reason}, so --resume cannot tell whether to replace it; move it away to resume, or leave --resume out to start anew").into())
+        Err(format!(
+            "{out}: {reason}, so --resume cannot tell whether to replace it; move it away to resume, or leave --resume \
+             out to start anew"
+        )
+        .into())
     }
 
     /// Returns whether it is higher than that of another fit to the same pictures, which is `None` if its field is not

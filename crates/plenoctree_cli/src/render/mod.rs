@@ -37,12 +37,17 @@ impl Scene {
     }
 }
 
+/// Returns the name of the image of a view.
+fn file_name(index: usize) -> String {
+    format!("{index:03}.png")
+}
+
 /// Renders a view for each camera.
 pub fn run(arguments: &Arguments) -> Result {
     let path = &arguments.input;
     let is_view = |name: &str| {
-        let digits = name.strip_suffix(".png").filter(|digits| !digits.is_empty());
-        digits.is_some_and(|digits| digits.bytes().all(|byte| byte.is_ascii_digit()))
+        let index = name.strip_suffix(".png").and_then(|digits| digits.parse().ok());
+        index.is_some_and(|index| file_name(index) == name)
     };
     let Transforms { cameras, pictures, .. } = transforms::read(&arguments.cameras, arguments.size)?;
     // Some files leave out the extension.
@@ -66,7 +71,7 @@ pub fn run(arguments: &Arguments) -> Result {
     };
     files::create_folder(&arguments.out)?;
     let bar = progress::bar("rendering", cameras.len() as u64, arguments.quiet);
-    let names: Vec<String> = (0..cameras.len()).map(|index| format!("{index:03}.png")).collect();
+    let names: Vec<String> = (0..cameras.len()).map(file_name).collect();
     for (camera, name) in cameras.iter().zip(&names) {
         let pixels = scene.pixels(camera);
         let file = arguments.out.join(name);

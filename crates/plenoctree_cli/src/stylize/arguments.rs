@@ -128,9 +128,10 @@ impl Arguments {
             }
         }
         self.extraction.settings()?;
-        files::create_folder(&self.out)?;
         let histograms = self.extraction.histograms.as_deref();
         let inputs: Vec<&Path> = [field].into_iter().chain(self.cameras.as_deref()).collect();
+        files::check_inputs(&inputs)?;
+        files::create_folder(&self.out)?;
         files::check_folder(&self.out, &inputs, output::writes)?;
         // The palette is not written if it is there already.
         let palette: Vec<&Path> = self.palette.as_deref().into_iter().collect();

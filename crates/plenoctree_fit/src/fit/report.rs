@@ -17,7 +17,7 @@ pub struct FitReport {
     pub leaves: usize,
     /// Levels of the field.
     pub depth: u32,
-    /// The share of the leaves that are in the largest part, if only that is kept.
+    /// The share of the voxels that are in the largest part, if only that is kept.
     pub largest_part: Option<f64>,
     /// Whether the fit was stopped early.
     pub stopped: bool,

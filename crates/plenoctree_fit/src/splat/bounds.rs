@@ -53,8 +53,8 @@ impl Splats {
         self.bounds_in(low, high)
     }
 
-    /// Returns the lowest and the highest corner of the box around the visible Gaussians whose centers are in a box,
-    /// beyond which it does not reach but for a margin, or `None` if there are none.
+    /// Returns the lowest and the highest corner of the box around the visible Gaussians whose centers are in a box, or
+    /// `None` if there are none. It exceeds the given box by a margin at most.
     pub(super) fn bounds_in(&self, low: DVec3, high: DVec3) -> Option<(DVec3, DVec3)> {
         let places = visible(self).filter_map(|gaussian| {
             let (at, reach) = (gaussian.position.as_dvec3(), reach(gaussian));

@@ -241,7 +241,7 @@ fn views_that_are_listed_twice_count_once() {
     let input = read(&folder).unwrap();
     let names: Vec<_> = input.views.iter().map(|view| &view.name[..]).collect();
     assert_eq!(names, ["./v_0", "./v_1", "./v_2", "./v_3", "./v_3"]);
-    assert!(input.notes[0].starts_with("2 of 7 pictures are listed again"), "{:?}", input.notes);
+    assert!(input.notes[0].starts_with("2 of 7 pictures are left out: they are listed twice"), "{:?}", input.notes);
 }
 
 /// Of several COLMAP models, the one with the most pictures counts, and the others are named.

@@ -80,7 +80,9 @@ impl FitInput {
         // One of them would be fitted and another one held out, or they would count twice.
         if input.views.len() < all {
             let again = all - input.views.len();
-            input.notes.push(format!("{again} of {all} pictures are listed again with the same pose and are left out"));
+            input
+                .notes
+                .push(format!("{again} of {all} pictures are left out: they are listed twice, with the same pose"));
         }
         if let Some(folder) = &folders.masks {
             for view in &mut input.views {
