@@ -50,8 +50,8 @@ pub struct PalettePanel {
     pub prop: Option<Entity>,
     /// The camera in whose view the window is shown. This makes it bevy_egui's primary context, so everything else that
     /// your app shows in `EguiPrimaryContextPass` moves there as well. If it is `None`, or not a camera, the window is
-    /// shown in the existing primary context: that of the first camera and, once that is despawned, of an active one. If your
-    /// app clears `EguiGlobalSettings::auto_create_primary_context` at the start, it chooses the primary context.
+    /// shown in the existing primary context: that of the first camera and, once that is despawned, of an active one. If
+    /// your app clears `EguiGlobalSettings::auto_create_primary_context` at the start, it chooses the primary context.
     ///
     /// Defaults to `None`.
     pub camera: Option<Entity>,

@@ -39,8 +39,8 @@ pub fn replace_file<E: From<io::Error>>(
     Ok(())
 }
 
-/// Moves a complete file to `path`, where it takes the place of an existing one as in [`replace_file`]: for several files
-/// that belong together, of which none is to be replaced before all are complete.
+/// Moves a complete file to `path`, where it takes the place of an existing one as in [`replace_file`]: for several
+/// files that belong together, of which none is to be replaced before all are complete.
 ///
 /// # Errors
 ///

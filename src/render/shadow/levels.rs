@@ -6,7 +6,6 @@ use bevy::{
     prelude::*,
     render::{render_asset::RenderAssets, render_phase::ViewBinnedRenderPhases, view::ExtractedView},
 };
-
 use glam::{DMat4, DVec3, DVec4};
 
 use super::{
@@ -88,7 +87,7 @@ impl Sides {
 
 /// Returns whether a prop is in a map and within the range of the light.
 fn is_in(seen: &LightView, view: &ExtractedView, reach: f64) -> bool {
-    let nearest = view.clip_from_view.as_dmat4() * glam::DVec4::new(0.0, 0.0, -seen.near, 1.0);
+    let nearest = view.clip_from_view.as_dmat4() * DVec4::new(0.0, 0.0, -seen.near, 1.0);
     seen.near < reach && nearest.z > 0.0 && !seen.on_map().is_empty()
 }
 

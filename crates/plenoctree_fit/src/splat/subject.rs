@@ -7,8 +7,8 @@ use super::{axis::Axis, error::SplatError, splats::Splats};
 /// Settings of [`Splats::subject`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SubjectSettings {
-    /// Lowest and highest corner of a box around the subject, in the coordinates of the capture. All
-    /// visible Gaussians whose centers are in it count. By default, the box contains most Gaussians ([`Splats::dense_bounds`]).
+    /// Lowest and highest corner of a box around the subject, in the coordinates of the capture. All visible
+    /// Gaussians whose centers are in it count. By default, the box contains most Gaussians ([`Splats::dense_bounds`]).
     pub crop: Option<(DVec3, DVec3)>,
     /// Keep only the largest connected part, without floaters and backgrounds.
     pub keep_largest: bool,
