@@ -3,7 +3,7 @@
 //
 // The gap of a ray of the grid consists of the pixels to the right of it and below, up to the next rays. The gaps of a
 // square of the viewport that get rays form a batch. Their pixels are drawn side by side, in a square of textures of
-// their own, so that pixels which are marched together all have a ray.
+// their own, so that pixels which are marched together all have a ray. So are the pixels at edges that need rays.
 #define_import_path bevy_plenoctree::batch
 
 #import bevy_plenoctree::view::view
@@ -12,7 +12,7 @@
 const SPACING: u32 = 2u;
 // The pixels of a gap.
 const PIXELS_OF_GAP: u32 = SPACING * SPACING - 1u;
-// The pixels along a side of the square whose gaps form a batch, and of the one in which it is drawn. Matches `BATCH` in
+// The pixels along a side of the square whose elements form a batch, and of the one in which it is drawn. Matches `BATCH` in
 // `slot.rs`.
 const BATCH: u32 = 32u;
 // The gaps along a side of that square.
@@ -24,6 +24,9 @@ const MOST_GAPS: u32 = GAPS_ACROSS * GAPS_ACROSS;
 const AGREES: u32 = 0u;
 const EMPTY: u32 = 0xffffu;
 
+// The number of elements of every batch, for the passes that march rays for them.
+@group(0) @binding(8) var<storage, read> counts: array<u32>;
+
 // Returns one of the four rays of the grid around a gap.
 fn ray_around(gap: vec2<u32>, index: u32) -> vec2<u32> {
     let rays = (view.size + SPACING - 1u) / SPACING;
@@ -33,6 +36,12 @@ fn ray_around(gap: vec2<u32>, index: u32) -> vec2<u32> {
 // Returns the numbers of batches along each axis.
 fn batches() -> vec2<u32> {
     return (view.size + BATCH - 1u) / BATCH;
+}
+
+// Returns the batch of a pixel.
+fn batch_of(pixel: vec2<u32>) -> u32 {
+    let square = pixel / BATCH;
+    return square.y * batches().x + square.x;
 }
 
 // Returns the pixel within the square of a batch in which the element `index` of the batch is drawn. Eight elements are

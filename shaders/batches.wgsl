@@ -1,7 +1,7 @@
 // Two triangles over the pixels of each batch, for the passes that march rays for them.
 
-#import bevy_plenoctree::batch::{BATCH, PIXELS_OF_GAP, batches, rows_of_batch}
-#import bevy_plenoctree::prop_ray::{Varying, counts}
+#import bevy_plenoctree::batch::{BATCH, PIXELS_OF_GAP, batches, counts, rows_of_batch}
+#import bevy_plenoctree::prop_ray::Varying
 #import bevy_plenoctree::view::{NOWHERE, first_drawn}
 
 // Corners of the unit square (bits x, y).
@@ -20,7 +20,12 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
     let square = vec2(batch % all.x, batch / all.x);
     var corners = CORNERS;
     let corner = vec2(corners[index % 6u] & 1u, corners[index % 6u] >> 1u);
-    let at = vec2<f32>(BATCH * square + corner * vec2(BATCH, rows_of_batch(count * PIXELS_OF_GAP)));
+#ifdef BATCHED
+    let rows = rows_of_batch(count * PIXELS_OF_GAP);
+#else
+    let rows = rows_of_batch(count);
+#endif
+    let at = vec2<f32>(BATCH * square + corner * vec2(BATCH, rows));
     let size = vec2<f32>(BATCH * all);
     return Varying(vec4((2.0 * at / size - 1.0) * vec2(1.0, -1.0), 0.5, 1.0), prop, instance >> 16u);
 }

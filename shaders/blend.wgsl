@@ -1,7 +1,7 @@
 // The finish pass at the edges of posterized props: smooths them.
 
 #import bevy_plenoctree::color::{decode, encode, tinted}
-#import bevy_plenoctree::edge::{FAINTEST, RAYS, bits_of, neighbor, parts_of}
+#import bevy_plenoctree::edge::{FAINTEST, RAYS, bits_of, neighbor, parts_of, word_at}
 #import bevy_plenoctree::filter_texel::unpack
 #ifdef INK
 #import bevy_plenoctree::ink::{ink_at, inked, surface_at}
@@ -27,7 +27,7 @@
 @group(1) @binding(3) var scene: texture_2d<f32>;
 // The results of the outline pass and of the coverage pass. See `coverage.wgsl`.
 @group(3) @binding(0) var outline: texture_2d<u32>;
-@group(3) @binding(1) var coverage: texture_2d<f32>;
+@group(3) @binding(1) var<storage, read> coverage: array<u32>;
 @group(3) @binding(2) var own_rays: texture_2d<f32>;
 @group(3) @binding(3) var other_rays: texture_2d<f32>;
 @group(3) @binding(4) var layer: texture_2d<f32>;
@@ -45,6 +45,11 @@ struct Behind {
 // Returns the scene at a pixel, in encoded sRGB.
 fn scene_at(pixel: vec2<u32>) -> vec3<f32> {
     return from_target(textureLoad(scene, pixel + view.corner, 0).rgb);
+}
+
+// Returns the bits of a pixel's rays, as in `coverage.wgsl`.
+fn rays_at(pixel: vec2<u32>) -> vec4<u32> {
+    return bits_of(textureLoad(outline, pixel, 0).xy, coverage[word_at(pixel, view.size.x)]);
 }
 
 // Returns whether all that a pixel sees of props is haze of one of two owners.
@@ -114,7 +119,7 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>, ink: vec2<f32>) -> Around {
             let own = unpack(textureLoad(filtered, at, 0)).owner;
             if own == 0u || all(vec2(own) != owners) {
                 // A neighbor that the edge of a mesh crosses counts less.
-                let rays = bits_of(textureLoad(outline, at, 0).xy, textureLoad(coverage, at, 0));
+                let rays = rays_at(at);
                 let share = 1.0 + f32(RAYS - countOneBits(rays.r | rays.b));
                 let weight = share * share;
                 found.behind.shown += weight * there.shown;
@@ -156,7 +161,7 @@ fn scene_behind(pixel: vec2<u32>, mixed: vec3<f32>) -> vec4<f32> {
         let at = vec2<u32>(neighbor(vec2<i32>(pixel), i));
         if is_drawn(at) {
             // Where the props have no depth, their own pixels know whether anything is before them.
-            let hidden = bits_of(textureLoad(outline, at, 0).xy, textureLoad(coverage, at, 0)).a;
+            let hidden = rays_at(at).a;
             let is_clear = hidden == 0u && unpack(textureLoad(filtered, at, 0)).owner > 0u;
             let share = select(select(0.5, 0.0, is_clear), share_before(at, solid), has_depth);
             let color = vec4(decode(scene_at(at)), 1.0);
@@ -232,7 +237,7 @@ fn pixel_of(pixel: vec2<u32>, owner: u32) -> vec2<i32> {
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = vec2<u32>(position.xy);
     let owners = textureLoad(outline, pixel, 0).xy;
-    let bits = bits_of(owners, textureLoad(coverage, pixel, 0));
+    let bits = rays_at(pixel);
     let parts = parts_of(owners, bits);
     let count = parts.own + parts.other + parts.rest;
     let has_other = owners.y > 0u;

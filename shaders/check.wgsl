@@ -2,7 +2,7 @@
 // their own: the gap joins its batch.
 
 #import bevy_plenoctree::batch::{
-    AGREES, EMPTY, GAPS_ACROSS, MOST_GAPS, SPACING, batches, pack_gap, ray_around,
+    AGREES, EMPTY, GAPS_ACROSS, MOST_GAPS, SPACING, batch_of, pack_gap, ray_around,
 }
 #import bevy_plenoctree::scene::scene_depth_at
 #import bevy_plenoctree::view::{is_solid, unpack_owner, view}
@@ -11,8 +11,8 @@
 @group(1) @binding(1) var owner: texture_2d<f32>;
 @group(1) @binding(2) var depth: texture_depth_2d;
 // The number of gaps in every batch, and the gaps, as packed by `pack_gap`.
-@group(1) @binding(3) var<storage, read_write> counts: array<atomic<u32>>;
-@group(1) @binding(4) var<storage, read_write> gaps: array<u32>;
+@group(2) @binding(0) var<storage, read_write> counts: array<atomic<u32>>;
+@group(2) @binding(1) var<storage, read_write> gaps: array<u32>;
 
 // The largest relative difference of depths at pixels where the scene shows the same surface. In perspective, this is
 // the relative difference of distances.
@@ -61,8 +61,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
         || scene_depths.y - scene_depths.x > SAME_SURFACE * scene_depths.y;
     var found = select(AGREES, EMPTY, is_empty);
     if needs_rays {
-        let square = gap / GAPS_ACROSS;
-        let batch = square.y * batches().x + square.x;
+        let batch = batch_of(gap * SPACING);
         let index = atomicAdd(&counts[batch], 1u);
         gaps[batch * MOST_GAPS + index] = pack_gap(gap % GAPS_ACROSS);
         found = index + 1u;

@@ -1,23 +1,44 @@
 // The coverage pass: marches several rays through each pixel at the edge of a posterized prop where opacity does not show
 // enough, to find which part of the pixel the prop covers, and its color there.
 
+#import bevy_plenoctree::batch::{BATCH, batch_of, counts, index_in_batch}
 #import bevy_plenoctree::color::to_half
-#import bevy_plenoctree::edge::{FAINTEST, RAYS, neighbor, offset_of_four, ray_offset, rays_of, sample_of, thinned}
+#import bevy_plenoctree::edge::{
+    FAINTEST, RAYS, neighbor, offset_of_four, ray_offset, rays_of, sample_of, thinned, word_at, word_of,
+}
 #import bevy_plenoctree::octree::{begin, density, field, has_ended, next_leaf}
-#import bevy_plenoctree::prop_ray::{position_of, ray_at}
+#import bevy_plenoctree::prop_ray::{Varying, position_of, ray_at}
 #import bevy_plenoctree::radiance::{Harmonics, harmonics, radiance}
 #import bevy_plenoctree::scene::scene_depth_at
 #import bevy_plenoctree::view::{
     FAR_AWAY, Prop, distance_from_depth, is_in_haze, is_solid, owner_of, props, solid_depth_at_distance, view,
 }
 
-// The result of the outline pass.
+// The results of the outline pass: which pixels need rays, a bit each, and the owners of all.
+@group(0) @binding(9) var<storage, read> edges: array<u32>;
 @group(2) @binding(0) var outline: texture_2d<u32>;
 @group(2) @binding(1) var owner: texture_2d<f32>;
 @group(2) @binding(2) var depth: texture_depth_2d;
 #ifdef OF_OTHERS
-// Where the rays reach the owner of the pixel. See `packed`.
-@group(2) @binding(4) var own_places: texture_2d<u32>;
+// Where the rays reach the owner of the pixel, in the order of batches. See `packed`.
+@group(2) @binding(3) var own_places: texture_2d<u32>;
+#endif
+// The bits of a pixel's rays, one per ray, in four bytes.
+// r: those that the owner of the pixel covers. If there is no other owner, those that see its first color.
+// g: those where the other owner is in front of what is seen at the center of the pixel.
+// b: those that the other owner covers, or would cover if the owner of the pixel did not. If there is no other
+// owner, those that see the second color.
+// a: the samples of the scene, one bit per sample, where something else is in front of the prop.
+#ifdef SEVERAL
+@group(3) @binding(0) var<storage, read_write> coverage: array<atomic<u32>>;
+#else
+@group(3) @binding(0) var<storage, read_write> coverage: array<u32>;
+#endif
+// What the rays in r and in b see, as in `Color`. 0 if there were no rays: see `estimate` of `edge_owners.wgsl`. If the
+// pixel has no owner, `own_rays` is the result of `thinned`.
+@group(3) @binding(1) var own_rays: texture_storage_2d<rgba16float, write>;
+#ifndef OF_OWNERS
+@group(3) @binding(2) var other_rays: texture_storage_2d<rgba16float, write>;
 #endif
 
 // What a ray sees of a prop.
@@ -214,46 +235,62 @@ fn without(color: Color, rays: u32) -> Color {
 }
 #endif
 
-// Where a view has several props, blending adds up what both owners write.
-struct Fragment {
-    // The bits of a pixel's rays, one per ray, in four channels.
-    // r: those that the owner of the pixel covers. If there is no other owner, those that see its first color.
-    // g: those where the other owner is in front of what is seen at the center of the pixel.
-    // b: those that the other owner covers, or would cover if the owner of the pixel did not. If there is no other
-    // owner, those that see the second color.
-    // a: the samples of the scene, one bit per sample, where something else is in front of the prop.
-    @location(0) bits: vec4<f32>,
-    // What the rays in r and in b see, as in `Color`. 0 if there were no rays: see `estimate.wgsl`. If the pixel has no owner,
-    // `own` is the result of `thinned`.
-    @location(1) own: vec4<f32>,
+// Returns the pixel of an element of a batch, in the batch's square: that of the bit `index` of those that are set.
+fn listed(batch: u32, index: u32) -> vec2<u32> {
+    var row = 0u;
+    var word = edges[batch * BATCH];
+    var rest = index;
+    loop {
+        let bits = countOneBits(word);
+        if rest < bits || row + 1u == BATCH {
+            break;
+        }
+        rest -= bits;
+        row += 1u;
+        word = edges[batch * BATCH + row];
+    }
+    var column = 0u;
+    for (var half = BATCH / 2u; half > 0u; half >>= 1u) {
+        let below = countOneBits((word >> column) & ((1u << half) - 1u));
+        column += select(0u, half, rest >= below);
+        rest -= select(0u, below, rest >= below);
+    }
+    return vec2(column, row);
+}
+
 #ifdef OF_OWNERS
-    // Where the rays reach the prop, as `place_of` says. 0 if they do not.
-    @location(2) places: vec4<u32>,
-#else
-    @location(2) other: vec4<f32>,
-#endif
+// Where the rays reach the prop, as `place_of` says. 0 if they do not.
+struct Fragment {
+    @location(0) places: vec4<u32>,
 }
 
 @fragment
-fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(flat) index: u32) -> Fragment {
-    let pixel = vec2<i32>(position.xy);
+fn fragment(in: Varying) -> Fragment {
+#else
+@fragment
+fn fragment(in: Varying) {
+#endif
+    let index = in.prop;
+    let place = vec2<u32>(in.position.xy);
+    let batch = batch_of(place);
+    let element = index_in_batch(place % BATCH);
+    let is_listed = element < counts[batch];
+    let listed_pixel = place / BATCH * BATCH + listed(batch, select(0u, element, is_listed));
+    let pixel = vec2<i32>(listed_pixel);
+    let center = vec2<f32>(pixel) + 0.5;
     let owners = textureLoad(outline, pixel, 0).xy;
     let is_own = owners.x == index + 1u;
 #ifdef OF_OWNERS
     let is_drawn = is_own && owners.y > 0u;
-    if !is_drawn {
-        discard;
-    }
 #else ifdef OF_OTHERS
     let is_drawn = select(owners.y == index + 1u, owners.y == 0u, is_own);
-    let places = textureLoad(own_places, pixel, 0);
+    let places = textureLoad(own_places, place, 0);
     let has_places = owners.x > 0u;
 #else
     let is_drawn = is_own || owners.y == index + 1u;
 #endif
-    if !is_drawn {
-        // Do not discard: Mesa's software rasterizer blends the pixels of such passes even where the depth test fails.
-        return Fragment();
+    if !is_listed || !is_drawn {
+        discard;
     }
 
     // What is seen at the center of the pixel, if that is another prop.
@@ -281,7 +318,7 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
     let prop = props[index];
     let begins = start(pixel, index, prop);
     // Within a pixel, the direction hardly changes.
-    var h = harmonics(ray_at(prop, position.xy).unit);
+    var h = harmonics(ray_at(prop, center).unit);
     var first = Color(0u, vec4(0.0));
     var second = Color(0u, vec4(0.0));
     var thin = vec4(0.0);
@@ -309,7 +346,7 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
         let limit = max(scene + dot(across, offset), 0.0);
         let last = limit;
 #endif
-        let found = look(prop, position.xy + offset, begins, last, &h);
+        let found = look(prop, center + offset, begins, last, &h);
         let distance = found.distance;
         let is_covered = found.is_covered && distance < distance_from_depth(limit);
 #ifdef OF_OWNERS
@@ -359,20 +396,27 @@ fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(fl
 #else
             let limit = scene;
 #endif
-            let center = look(prop, position.xy, begins, limit, &h);
+            let middle = look(prop, center, begins, limit, &h);
             let others = RAYS - countOneBits(covered | hidden);
-            if !center.is_covered && others > 0u && !hides {
-                own_color = thinned(center.color, thin * f32(RAYS) / f32(others));
+            if !middle.is_covered && others > 0u && !hides {
+                own_color = thinned(middle.color, thin * f32(RAYS) / f32(others));
             }
         }
     }
-    return Fragment(
-        vec4<f32>(bits) / 255.0,
-        to_half(own_color),
-#ifdef OF_OWNERS
-        places,
+    let at = word_at(listed_pixel, view.size.x);
+#ifdef SEVERAL
+    atomicOr(&coverage[at], word_of(bits));
 #else
-        to_half(select(first.sum, second.sum, is_own)),
+    coverage[at] = word_of(bits);
 #endif
-    );
+    if is_own || owners.x == 0u {
+        textureStore(own_rays, pixel, to_half(own_color));
+    }
+#ifdef OF_OWNERS
+    return Fragment(places);
+#else
+    if !is_own || owners.y == 0u {
+        textureStore(other_rays, pixel, to_half(select(first.sum, second.sum, is_own)));
+    }
+#endif
 }

@@ -6,11 +6,10 @@ const RAYS: u32 = 8u;
 // Where less light comes through, it does not show. Rays stop there, unless they do not count as covered yet.
 const FAINTEST: f32 = 0.08;
 
-// What the mask of edges holds where props are, at edges that follow from opacity, and at those that need rays. It is 0
-// elsewhere. The depth test of passes compares with it: these are integers in its 16 bits.
+// What the mask of edges holds where props are, and at their edges. It is 0 elsewhere. The depth test of passes compares
+// with it: these are integers in its 16 bits.
 const MASK_OF_PROPS: f32 = 0.2;
-const MASK_OF_ESTIMATES: f32 = 0.6;
-const MASK_OF_RAYS: f32 = 1.0;
+const MASK_OF_EDGES: f32 = 1.0;
 
 const ALL_SAMPLES: u32 = 0xffffffffu;
 
@@ -58,9 +57,20 @@ fn rays_of(sample: u32, samples: u32) -> u32 {
     return rays;
 }
 
-// Returns the bits of a pixel's rays, as in `coverage.wgsl`. That pass writes nothing where there is no edge.
-fn bits_of(owners: vec2<u32>, coverage: vec4<f32>) -> vec4<u32> {
-    return select(vec4(0u), vec4<u32>(coverage * 255.0 + 0.5), any(owners > vec2(0u)));
+// Returns the bits of a pixel's rays, as in `coverage.wgsl`, from the word that holds them. Away from edges, it may hold
+// anything.
+fn bits_of(owners: vec2<u32>, word: u32) -> vec4<u32> {
+    return select(vec4(0u), (vec4(word) >> vec4(0u, 8u, 16u, 24u)) & vec4(255u), any(owners > vec2(0u)));
+}
+
+// Returns the word that holds these bits.
+fn word_of(bits: vec4<u32>) -> u32 {
+    return bits.r | (bits.g << 8u) | (bits.b << 16u) | (bits.a << 24u);
+}
+
+// Returns where the word of a pixel is.
+fn word_at(pixel: vec2<u32>, width: u32) -> u32 {
+    return pixel.y * width + pixel.x;
 }
 
 // Where the center of a pixel and the rays that are not covered see a thin part of a prop, returns how to replace the

@@ -73,11 +73,11 @@ fn opacity_at(around: Opacity, offset: vec2<f32>) -> f32 {
     return clamp(around.center + dot(around.slope, offset) + bend, 0.0, 1.0);
 }
 
-// Returns whether a prop covers a part of a pixel, but not all of it.
-fn is_cut(around: Opacity) -> bool {
-    var cut = false;
+// Returns the bits of the rays that are covered.
+fn covered_rays(around: Opacity) -> u32 {
+    var covered = 0u;
     for (var ray = 0u; ray < RAYS; ray++) {
-        cut = cut || (opacity_at(around, ray_offset(ray)) >= around.limit) != (around.center >= around.limit);
+        covered |= select(0u, 1u << ray, opacity_at(around, ray_offset(ray)) >= around.limit);
     }
-    return cut;
+    return covered;
 }

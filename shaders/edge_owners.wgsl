@@ -1,14 +1,28 @@
-// Finds the pixels at the edges of posterized props, and the props that may cover parts of them.
+// Finds the pixels at the edges of posterized props, and the props that may cover parts of them. Lists those that need
+// rays for the coverage pass.
 #define_import_path bevy_plenoctree::edge_owners
 
-#import bevy_plenoctree::edge::{MASK_OF_PROPS, MASK_OF_RAYS, neighbor}
+#import bevy_plenoctree::batch::{BATCH, batch_of}
+#import bevy_plenoctree::edge::{MASK_OF_EDGES, MASK_OF_PROPS, neighbor, word_at}
 #ifdef ESTIMATES
-#import bevy_plenoctree::edge::MASK_OF_ESTIMATES
-#import bevy_plenoctree::edge_opacity::{is_cut, opacity_around}
+#import bevy_plenoctree::color::to_half
+#import bevy_plenoctree::edge::{RAYS, ray_offset, sample_of, thinned, word_of}
+#import bevy_plenoctree::edge_opacity::{Opacity, covered_rays, opacity_around, opacity_at}
+#endif
+#ifdef MULTISAMPLED
+#import bevy_plenoctree::scene::scene_depth_at
 #endif
 #import bevy_plenoctree::view::{
-    SMOOTHS_NOTHING, SMOOTHS_SLITS, is_drawn, is_solid, owner_of, props, screen, unpack_owner,
+    SMOOTHS_NOTHING, SMOOTHS_SLITS, is_drawn, is_solid, owner_of, props, screen, unpack_owner, view,
 }
+
+// What the coverage pass finds, as in `coverage.wgsl`.
+@group(2) @binding(0) var<storage, read_write> coverage: array<u32>;
+@group(2) @binding(1) var own_rays: texture_storage_2d<rgba16float, write>;
+@group(2) @binding(2) var other_rays: texture_storage_2d<rgba16float, write>;
+// The number of pixels in every batch, and which they are.
+@group(2) @binding(3) var<storage, read_write> counts: array<atomic<u32>>;
+@group(2) @binding(4) var<storage, read_write> edges: array<atomic<u32>>;
 
 // A pixel, and whether it is at an edge.
 struct Edge {
@@ -86,17 +100,89 @@ fn edge_at(
     let owners = vec2(kept, other);
     let may_have_slits = kept > 0u && props[max(kept, 1u) - 1u].smooths == SMOOTHS_SLITS;
     ends = ends || (may_have_slits && is_at_slit(layer, pixel));
-    if !ends || all(owners == vec2(0u)) {
-        return Edge(vec2(0u), inside);
-    }
+    var found = Edge(vec2(0u), inside);
+    // Few pixels are at edges. A loop that runs once or never costs nothing where it runs for none of a group of pixels.
+    for (var left = select(0, 1, ends && any(owners > vec2(0u))); left > 0; left--) {
+        found = Edge(owners, MASK_OF_EDGES);
+        var needs_rays = true;
 #ifdef ESTIMATES
-    let around = opacity_around(layer, owner, pixel, owners);
-    if around.is_known {
-        if is_cut(around) {
-            return Edge(owners, MASK_OF_ESTIMATES);
+        let around = opacity_around(layer, owner, pixel, owners);
+        let covered = covered_rays(around);
+        if around.is_known {
+            needs_rays = false;
+            let covers_all = select(0u, (1u << RAYS) - 1u, around.center >= around.limit);
+            if covered == covers_all {
+                found = Edge(vec2(0u), inside);
+            } else {
+                estimate(layer, owner, depth, pixel, owners, around, covered);
+            }
         }
-        return Edge(vec2(0u), inside);
+#endif
+        if needs_rays {
+            list(vec2<u32>(pixel));
+        }
+    }
+    return found;
+}
+
+// Adds a pixel to its batch.
+fn list(pixel: vec2<u32>) {
+    let batch = batch_of(pixel);
+    atomicAdd(&counts[batch], 1u);
+    atomicOr(&edges[batch * BATCH + pixel.y % BATCH], 1u << (pixel.x % BATCH));
+#ifdef SEVERAL
+    // The coverage pass writes what it finds of each prop by itself.
+    coverage[word_at(pixel, view.size.x)] = 0u;
+    textureStore(own_rays, pixel, vec4(0.0));
+    textureStore(other_rays, pixel, vec4(0.0));
+#endif
+}
+
+#ifdef ESTIMATES
+// Finds what the coverage pass does, from opacity, but no color of the prop: it is that of the pixel, or of the neighbor
+// that sees most of the prop.
+fn estimate(
+    layer: texture_2d<f32>,
+    owner: texture_2d<f32>,
+    depth: texture_depth_2d,
+    pixel: vec2<i32>,
+    owners: vec2<u32>,
+    around: Opacity,
+    covered: u32,
+) {
+    var shown = covered;
+    var kept = 0u;
+#ifdef MULTISAMPLED
+    // The nearest depth of the prop.
+    var solid = 0.0;
+    for (var i = 0; i < 9; i++) {
+        let at = pixel + vec2(i % 3 - 1, i / 3 - 1);
+        let is_own = owner_of(textureLoad(owner, at, 0)) == max(owners.x, owners.y);
+        solid = select(solid, max(solid, textureLoad(depth, at, 0)), is_own);
+    }
+    for (var ray = 0u; ray < RAYS; ray++) {
+        let sample = sample_of(ray, #{SAMPLES}u);
+        let is_covered = (covered >> ray & 1u) == 1u;
+        let is_hidden = is_covered && is_solid(solid) && scene_depth_at(vec2<u32>(pixel), sample) > solid;
+        shown &= ~select(0u, 1u << ray, is_hidden);
+        kept |= select(0u, 1u << sample, is_hidden);
     }
 #endif
-    return Edge(owners, MASK_OF_RAYS);
+    var bits = vec4(shown, 0u, 0u, kept);
+    var own = vec4(0.0);
+    if owners.x == 0u {
+        bits = vec4(0u, shown, shown, kept);
+        // The opacities of the rays that are not covered, and their number.
+        var thin = vec2(0.0);
+        for (var ray = 0u; ray < RAYS; ray++) {
+            let is_covered = (covered >> ray & 1u) == 1u;
+            thin += select(vec2(opacity_at(around, ray_offset(ray)), 1.0), vec2(0.0), is_covered);
+        }
+        let center = textureLoad(layer, pixel, 0);
+        own = to_half(thinned(center, center / max(center.a, 1e-6) * thin.x / max(thin.y, 1.0)));
+    }
+    coverage[word_at(vec2<u32>(pixel), view.size.x)] = word_of(bits);
+    textureStore(own_rays, pixel, own);
+    textureStore(other_rays, pixel, vec4(0.0));
 }
+#endif

@@ -13,7 +13,7 @@
 #import bevy_pbr::shadows::fetch_directional_shadow
 #import bevy_plenoctree::color::{decode, encode, to_half}
 #ifdef SMOOTH
-#import bevy_plenoctree::edge::{bits_of, parts_of}
+#import bevy_plenoctree::edge::{bits_of, parts_of, word_at}
 #endif
 #import bevy_plenoctree::target::light_of
 #import bevy_plenoctree::view::{Screen, View, is_solid, unpack_haze}
@@ -29,7 +29,7 @@
 #ifdef SMOOTH
 // The results of the outline pass and of the coverage pass.
 @group(1) @binding(5) var outline: texture_2d<u32>;
-@group(1) @binding(6) var coverage: texture_2d<f32>;
+@group(1) @binding(6) var<storage, read> coverage: array<u32>;
 #endif
 
 // Returns the depth of the prop in a pixel: where it is solid, or the middle of its haze. At the edge of a prop, that
@@ -175,7 +175,7 @@ fn beside(pixel: vec2<i32>, here: f32, is_opaque: bool) -> Beside {
         let is_farther = max(there, here) * min(found, here) > max(found, here) * min(there, here);
         found = select(found, there, is_solid(there) && is_farther);
     }
-    let parts = parts_of(owners, bits_of(owners, textureLoad(coverage, pixel, 0)));
+    let parts = parts_of(owners, bits_of(owners, coverage[word_at(vec2<u32>(pixel), drawn.size.x)]));
     let other = select(0u, parts.other, owners.y > 0u) + select(0u, parts.rest, is_opaque);
     let own = parts.own + select(parts.other, 0u, owners.y > 0u);
     return Beside(found, f32(other) / f32(max(own + other, 1u)));

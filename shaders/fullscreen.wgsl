@@ -1,11 +1,10 @@
 // One triangle that covers the view. Bind group 0 of passes that read Bevy's LIGHTS has nothing of the plugin.
 
-#import bevy_plenoctree::edge::{MASK_OF_ESTIMATES, MASK_OF_PROPS, MASK_OF_RAYS}
+#import bevy_plenoctree::edge::{MASK_OF_EDGES, MASK_OF_PROPS}
 #import bevy_plenoctree::view::{LEAST_DEPTH, NOWHERE, first_drawn, screen}
 
 struct Triangle {
-    // Some passes draw where the mask has exactly this depth.
-    @invariant @builtin(position) position: vec4<f32>,
+    @builtin(position) position: vec4<f32>,
     @location(0) @interpolate(flat) instance: u32,
 }
 
@@ -19,12 +18,8 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
 #endif
     // Passes that test the props' depth run only where a prop was drawn, or everywhere if the view is posterized. Those
     // at edges test their mask. Between two depths, so that rounding does not matter.
-#ifdef ESTIMATED
-    let depth = MASK_OF_ESTIMATES;
-#else ifdef WITH_RAYS
-    let depth = 0.5 * (MASK_OF_ESTIMATES + MASK_OF_RAYS);
-#else ifdef AT_EDGES
-    let depth = 0.5 * (MASK_OF_PROPS + MASK_OF_ESTIMATES);
+#ifdef AT_EDGES
+    let depth = 0.5 * (MASK_OF_PROPS + MASK_OF_EDGES);
 #else ifdef LIGHTS
     let depth = 0.5 * LEAST_DEPTH;
 #else

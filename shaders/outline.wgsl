@@ -9,21 +9,11 @@
 struct Fragment {
     // See `Edge`.
     @location(0) owners: vec2<u32>,
-#ifdef SEVERAL
-    // As in `coverage.wgsl`, which adds to these.
-    @location(1) bits: vec4<f32>,
-    @location(2) own_color: vec4<f32>,
-    @location(3) other_color: vec4<f32>,
-#endif
     @builtin(frag_depth) mask: f32,
 }
 
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
-    let pixel = vec2<i32>(position.xy);
-    var marked = Fragment();
-    let edge = edge_at(layer, owner, depth, pixel);
-    marked.owners = edge.owners;
-    marked.mask = edge.mask;
-    return marked;
+    let edge = edge_at(layer, owner, depth, vec2<i32>(position.xy));
+    return Fragment(edge.owners, edge.mask);
 }

@@ -3,14 +3,14 @@
 #import bevy_plenoctree::target::to_target
 #import bevy_plenoctree::view::{is_drawn, view}
 #ifdef SAMPLES
-#import bevy_plenoctree::edge::{bits_of, parts_of}
+#import bevy_plenoctree::edge::{bits_of, parts_of, word_at}
 #endif
 
 @group(1) @binding(0) var colors: texture_2d<f32>;
 #ifdef SAMPLES
 // The results of the outline pass and of the coverage pass.
 @group(2) @binding(0) var outline: texture_2d<u32>;
-@group(2) @binding(1) var coverage: texture_2d<f32>;
+@group(2) @binding(1) var<storage, read> coverage: array<u32>;
 #endif
 
 struct Fragment {
@@ -31,7 +31,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let shown = vec4(to_target(color.rgb), color.a);
 #ifdef SAMPLES
     let owners = textureLoad(outline, pixel, 0).xy;
-    return Fragment(shown, parts_of(owners, bits_of(owners, textureLoad(coverage, pixel, 0))).written);
+    return Fragment(shown, parts_of(owners, bits_of(owners, coverage[word_at(pixel, view.size.x)])).written);
 #else
     return Fragment(shown);
 #endif

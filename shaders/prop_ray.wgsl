@@ -3,7 +3,7 @@
 
 #ifdef BATCHED
 #import bevy_plenoctree::batch::{
-    BATCH, GAPS_ACROSS, MOST_GAPS, PIXELS_OF_GAP, SPACING, batches, index_in_batch, unpack_gap,
+    BATCH, GAPS_ACROSS, MOST_GAPS, PIXELS_OF_GAP, SPACING, batch_of, counts, index_in_batch, unpack_gap,
 }
 #endif
 #import bevy_plenoctree::octree::{Crossing, Ray, begin, clip, density, field, has_ended, make_ray, next_leaf}
@@ -21,8 +21,7 @@ struct Varying {
 }
 
 #ifdef BATCHED
-// The results of the check pass: the number of gaps in every batch, and the gaps.
-@group(0) @binding(8) var<storage, read> counts: array<u32>;
+// The result of the check pass: the gaps of every batch.
 @group(0) @binding(9) var<storage, read> gaps: array<u32>;
 #endif
 
@@ -42,8 +41,7 @@ fn prop_ray(in: Varying) -> PropRay {
     var pixel = vec2<u32>(in.position.xy) * view.spacing;
 #ifdef BATCHED
     let place = vec2<u32>(in.position.xy);
-    let square = place / BATCH;
-    let batch = square.y * batches().x + square.x;
+    let batch = batch_of(place);
     let index = index_in_batch(place % BATCH);
     let element = index / PIXELS_OF_GAP;
     let is_listed = element < counts[batch];
@@ -51,7 +49,7 @@ fn prop_ray(in: Varying) -> PropRay {
     // The first pixel is the ray of the grid.
     let pixel_of_gap = index % PIXELS_OF_GAP + 1u;
     let beyond = vec2(pixel_of_gap % SPACING, pixel_of_gap / SPACING);
-    pixel = (square * GAPS_ACROSS + gap) * SPACING + beyond;
+    pixel = (place / BATCH * GAPS_ACROSS + gap) * SPACING + beyond;
 #endif
     var seen = ray_at(props[in.prop], vec2<f32>(pixel) + 0.5);
 #ifndef SHADOW_MAP

@@ -47,7 +47,6 @@ impl Shaders {
             "edge",
             "edge_opacity",
             "edge_owners",
-            "estimate",
             "fill",
             "filter",
             "filter_texel",

@@ -169,7 +169,8 @@ fn key(result: CachedResult, passes: &[Pass], textures: &Textures, buffers: &Vie
         CachedResult::Labels => (view.hash, props.hash, screen.hash, labels()).hash(&mut hasher),
     }
     for pass in passes.iter().filter(|pass| pass.result == Some(result)) {
-        (pass.name, &pass.writes, pass.depth, pass.group, &pass.reads, pass.samples, &pass.programs).hash(&mut hasher);
+        (pass.name, pass.group, &pass.reads, &pass.stores, &pass.writes, pass.depth, pass.samples, &pass.programs)
+            .hash(&mut hasher);
         for draw in &pass.draws {
             (draw.program, &draw.vertices, draw.instance, draw.scissor.map(|rect| (rect.min, rect.max)))
                 .hash(&mut hasher);
@@ -181,8 +182,9 @@ fn key(result: CachedResult, passes: &[Pass], textures: &Textures, buffers: &Vie
                 Slot::Screen => screen.hash.hash(&mut hasher),
                 Slot::Lit => lit.hash.hash(&mut hasher),
                 Slot::Shades => shades.hash.hash(&mut hasher),
-                // The GPU compares the scene, and batches are only read where a pass of the same result writes them.
-                Slot::Scene | Slot::BatchCounts | Slot::BatchGaps => {}
+                // The GPU compares the scene, and batches are only read in frames in which they are written.
+                Slot::Scene | Slot::BatchCounts | Slot::BatchGaps | Slot::BatchEdges => {}
+                Slot::Coverage => textures.buffer(slot).map(|buffer| buffer.id()).hash(&mut hasher),
                 _ => textures.get(slot).map(|view| view.id()).hash(&mut hasher),
             }
         }

@@ -14,10 +14,12 @@ mod view;
 pub(super) use bind_groups::BindGroups;
 pub(super) use buffers::PaletteBuffer;
 pub(super) use cache::Comparison;
+#[cfg(feature = "shadows")]
+pub(super) use pass::Access;
 pub(super) use pass::{Blend, CachedResult, Clear, Draw, FirstGroup, Fragment, Pass, Place, Program};
 pub(super) use pipelines::Pipelines;
 pub(super) use run::run;
-pub(super) use slot::{BATCH, RaySet, Slot, batches};
+pub(super) use slot::{RaySet, Slot};
 pub(crate) use view::PropView;
 #[cfg(feature = "shadows")]
 pub(super) use {slot::TILE_FORMAT, textures::create_texture};

@@ -6,7 +6,7 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
-use super::slot::Slot;
+use super::slot::{BATCH, RaySet, Slot, batches};
 use crate::{
     gpu::TreeShape,
     render::plan::{Feature, Plan, PlannedProp},
@@ -25,6 +25,8 @@ pub(in crate::render) struct Pass {
     pub group: FirstGroup,
     /// What it reads: one bind group after another, from group 1, or from group 2 if it marches through fields.
     pub reads: Vec<Vec<Slot>>,
+    /// What its shaders store to: the bind group after these.
+    pub stores: Vec<Slot>,
     /// Its color attachments.
     pub writes: Vec<Slot>,
     /// Its depth attachment.
@@ -33,8 +35,8 @@ pub(in crate::render) struct Pass {
     pub clear: Option<Clear>,
     /// Whether it draws every pixel. GPUs that draw tile by tile need not load what its attachments hold.
     pub covers_all: bool,
-    /// A buffer that is filled with zeros before it.
-    pub zeroes: Option<Slot>,
+    /// Buffers that are filled with zeros before it.
+    pub zeroes: Vec<Slot>,
     /// The number of samples per pixel.
     pub samples: u32,
     pub programs: Vec<Program>,
@@ -53,11 +55,12 @@ impl Pass {
             result,
             group: FirstGroup::View,
             reads: vec![],
+            stores: vec![],
             writes: vec![],
             depth: None,
             clear: None,
             covers_all: false,
-            zeroes: None,
+            zeroes: vec![],
             samples: 1,
             draws: (0..programs.len()).map(Draw::triangle).collect(),
             programs,
@@ -65,9 +68,15 @@ impl Pass {
         }
     }
 
-    /// Returns everything that it reads or draws to.
+    /// Returns everything that it reads or writes.
     pub fn slots(&self) -> impl Iterator<Item = Slot> {
-        self.reads.iter().flatten().chain(&self.writes).chain(&self.depth).copied()
+        self.reads.iter().flatten().chain(&self.stores).chain(&self.writes).chain(&self.depth).copied()
+    }
+
+    /// Returns the slots of each bind group from group 1, or from group 2 if it marches through fields.
+    pub fn bound(&self) -> impl Iterator<Item = (Access, &[Slot])> {
+        let stores = (!self.stores.is_empty()).then_some((Access::Store, &self.stores[..]));
+        self.reads.iter().map(|slots| (Access::Read, &slots[..])).chain(stores)
     }
 
     /// Returns whether it writes depth.
@@ -76,8 +85,11 @@ impl Pass {
     }
 
     /// Returns the pixels that are drawn of its attachments: of textures of the target's size the drawn part of the
-    /// view, and all of others.
+    /// view, and all of others. Batches are in squares of their own.
     pub fn area(&self, plan: &Plan) -> URect {
+        if let FirstGroup::Batches(..) = self.group {
+            return URect { min: UVec2::ZERO, max: RaySet::Batches.size(plan.rect.size) };
+        }
         match self.writes.iter().chain(&self.depth).next() {
             Some(slot) if !slot.is_of_target() => URect { min: UVec2::ZERO, max: slot.rays().size(plan.rect.size) },
             _ => URect { min: plan.corner(), max: plan.corner() + plan.rect.size },
@@ -88,6 +100,13 @@ impl Pass {
     pub fn may_leave_out_props(&self) -> bool {
         self.feature == Feature::Base && self.programs.iter().any(|program| program.tree.is_some())
     }
+}
+
+/// What a pass does with the slots of a bind group.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::render) enum Access {
+    Read,
+    Store,
 }
 
 /// Where in the frame a pass runs.
@@ -129,8 +148,8 @@ pub(in crate::render) enum FirstGroup {
     View,
     /// The same, and the depth of the scene, with so many samples per pixel.
     SceneDepth(u32),
-    /// The same, and the batches.
-    Batches(u32),
+    /// The same, and the batches: the number of elements of each, and what says which they are.
+    Batches(u32, Slot),
     /// Bevy's lights and fog.
     Lights,
     /// A shadow map, and its props.
@@ -146,7 +165,7 @@ impl FirstGroup {
     /// Returns the number of samples per pixel of the scene's depth, if it has that.
     pub fn samples(self) -> Option<u32> {
         match self {
-            Self::SceneDepth(samples) | Self::Batches(samples) => Some(samples),
+            Self::SceneDepth(samples) | Self::Batches(samples, _) => Some(samples),
             Self::View | Self::Lights | Self::Map => None,
         }
     }
@@ -171,7 +190,7 @@ pub(in crate::render) struct Program {
     pub definitions: Vec<ShaderDefVal>,
     /// The shape of the field through which it marches, in bind group 1.
     pub tree: Option<TreeShape>,
-    /// Whether it binds what the pass reads.
+    /// Whether it binds what the pass reads and stores to.
     pub reads: bool,
     /// How it writes to each color attachment. Missing ones replace it.
     pub blends: Vec<Blend>,
@@ -241,16 +260,6 @@ impl Program {
     pub fn at_edges(self) -> Self {
         self.define("AT_EDGES").depth_test(CompareFunction::Less, false)
     }
-
-    /// Draws only at those that follow from opacity.
-    pub fn at_estimated_edges(self) -> Self {
-        self.define("ESTIMATED").depth_test(CompareFunction::Equal, false)
-    }
-
-    /// Draws only at those that need rays.
-    pub fn where_edges_need_rays(self) -> Self {
-        self.define("WITH_RAYS").depth_test(CompareFunction::Less, false)
-    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -288,5 +297,13 @@ impl Draw {
 
     pub fn triangle(program: usize) -> Self {
         Self { program, field: None, vertices: 0..3, instance: 0, scissor: None }
+    }
+
+    /// Draws the batches that have some of these pixels, if there are any. See `batches.wgsl`.
+    pub fn of_batches(self, plan: &Plan, pixels: URect) -> Option<Self> {
+        let (low, high) = (pixels.min / BATCH, batches(pixels.max));
+        let of_row = 6 * batches(plan.rect.size).x;
+        let scissor = Some(URect { min: BATCH * low, max: BATCH * high });
+        (!pixels.is_empty()).then_some(Self { vertices: low.y * of_row..high.y * of_row, scissor, ..self })
     }
 }

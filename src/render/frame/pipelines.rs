@@ -11,10 +11,10 @@ use bevy::{
     render::render_resource::{
         BindGroupLayoutDescriptor, CachedPipelineState, CachedRenderPipelineId, ColorTargetState, ColorWrites,
         DepthStencilState, Face, FragmentState, PipelineCache, PrimitiveState, RenderPipelineDescriptor, ShaderStages,
-        TextureFormat, TextureSampleType, VertexState,
+        StorageTextureAccess, TextureFormat, TextureSampleType, VertexState,
         binding_types::{
             storage_buffer_read_only, storage_buffer_read_only_sized, storage_buffer_sized, texture_2d,
-            texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer, uniform_buffer_sized,
+            texture_depth_2d, texture_depth_2d_multisampled, texture_storage_2d, uniform_buffer, uniform_buffer_sized,
         },
     },
     shader::{Shader, ShaderCacheError, ShaderDefVal},
@@ -22,7 +22,7 @@ use bevy::{
 
 use super::{
     cache::Comparison,
-    pass::{Blend, CachedResult, Clear, FirstGroup, Fragment, Pass, Program},
+    pass::{Access, Blend, CachedResult, Clear, FirstGroup, Fragment, Pass, Program},
     slot::{DEPTH_FORMAT, Slot},
 };
 use crate::{
@@ -54,8 +54,8 @@ struct Key {
     name: &'static str,
     program: Program,
     group: FirstGroup,
-    /// The layouts of what it reads.
-    reads: Vec<BindGroupLayoutDescriptor>,
+    /// The layouts of what it reads and stores to.
+    bound: Vec<BindGroupLayoutDescriptor>,
     /// Vertex shaders draw nothing while it is cached.
     cached: Option<CachedResult>,
     targets: Vec<TextureFormat>,
@@ -123,12 +123,12 @@ impl Pipelines {
         program: &Program,
         target: TextureFormat,
     ) -> CachedRenderPipelineId {
-        let reads = if program.reads { &pass.reads[..] } else { &[] };
+        let bound = pass.bound().filter(|_| program.reads);
         let key = Key {
             name: pass.name,
             program: program.clone(),
             group: pass.group,
-            reads: reads.iter().map(|inputs| self.inputs_layout(pass.name, inputs)).collect(),
+            bound: bound.map(|(access, slots)| self.bound_layout(pass.name, access, slots)).collect(),
             cached: pass.result,
             targets: pass.writes.iter().map(|slot| slot.format().unwrap_or(target)).collect(),
             depth: pass.depth.and_then(Slot::format),
@@ -190,21 +190,21 @@ impl Pipelines {
             Some(_) => entries.push(texture_depth_2d_multisampled().build(7, fragment)),
             None => {}
         }
-        if let FirstGroup::Batches(_) = group {
+        if let FirstGroup::Batches(..) = group {
             entries.push(storage_buffer_read_only_sized(false, None).build(8, both));
             entries.push(storage_buffer_read_only_sized(false, None).build(9, fragment));
         }
         BindGroupLayoutDescriptor::new("plenoctree_view", &entries)
     }
 
-    /// Returns the layout of a bind group of what a pass reads.
-    pub fn inputs_layout(&self, name: &'static str, inputs: &[Slot]) -> BindGroupLayoutDescriptor {
+    /// Returns the layout of a bind group of what a pass reads or stores to.
+    pub fn bound_layout(&self, name: &'static str, access: Access, slots: &[Slot]) -> BindGroupLayoutDescriptor {
         let entry = |slot: &Slot| match slot {
             Slot::View | Slot::Screen => uniform_buffer_sized(false, None),
-            Slot::Lit | Slot::Shades => storage_buffer_read_only_sized(false, None),
-            // Passes that read them have them in bind group 0.
-            Slot::BatchCounts | Slot::BatchGaps => storage_buffer_sized(false, None),
+            _ if slot.is_buffer() && access == Access::Store => storage_buffer_sized(false, None),
+            _ if slot.is_buffer() => storage_buffer_read_only_sized(false, None),
             _ => match slot.format() {
+                Some(format) if access == Access::Store => texture_storage_2d(format, StorageTextureAccess::WriteOnly),
                 Some(DEPTH_FORMAT) => texture_depth_2d(),
                 Some(format) if format.sample_type(None, None) == Some(TextureSampleType::Uint) => {
                     texture_2d(TextureSampleType::Uint)
@@ -212,9 +212,9 @@ impl Pipelines {
                 _ => texture_2d(TextureSampleType::Float { filterable: false }),
             },
         };
-        let bindings = (0..).zip(inputs);
+        let bindings = (0..).zip(slots);
         let entries: Vec<_> =
-            bindings.map(|(binding, input)| entry(input).build(binding, ShaderStages::FRAGMENT)).collect();
+            bindings.map(|(binding, slot)| entry(slot).build(binding, ShaderStages::FRAGMENT)).collect();
         BindGroupLayoutDescriptor::new(name, &entries)
     }
 
@@ -226,11 +226,11 @@ impl Pipelines {
             layout.push(field_layout());
             definitions.extend(tree.definitions());
         }
-        layout.extend(key.reads.iter().cloned());
+        layout.extend(key.bound.iter().cloned());
         if key.group.samples().is_some_and(|samples| samples > 1) {
             definitions.push("MULTISAMPLED".into());
         }
-        if let FirstGroup::Batches(_) = key.group {
+        if let FirstGroup::Batches(_, Slot::BatchGaps) = key.group {
             definitions.push("BATCHED".into());
         }
         let mut vertex_definitions = definitions.clone();

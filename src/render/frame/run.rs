@@ -107,8 +107,8 @@ fn compare(place: Place, view: &mut PropView, frame: &Frame, ctx: &mut RenderCon
 fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext) -> Option<()> {
     let PropView { plan, textures, buffers, groups, cached, lights, .. } = view;
     let (device, cache) = (frame.device, frame.cache);
-    if let Some(slot) = pass.zeroes {
-        ctx.command_encoder().clear_buffer(textures.buffer(slot)?, 0, None);
+    for slot in &pass.zeroes {
+        ctx.command_encoder().clear_buffer(textures.buffer(*slot)?, 0, None);
     }
     // What may be cached is cleared by a draw call, because only the GPU knows whether it must be.
     let may_keep = pass.result.is_some_and(|result| !cached.is_drawn(result));
@@ -135,20 +135,21 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
         None => None,
     };
     let of_inputs: Vec<_> = pass
-        .reads
-        .iter()
-        .map(|inputs| {
+        .bound()
+        .map(|(access, slots)| {
             let resource = |slot: &Slot| match slot {
                 Slot::View => buffers.view.binding(),
                 Slot::Screen => buffers.screen.binding(),
                 Slot::Lit => buffers.lit.binding(),
                 Slot::Shades => buffers.shades.binding(),
-                Slot::BatchCounts | Slot::BatchGaps => Some(textures.buffer(*slot)?.as_entire_binding()),
                 Slot::Scene => Some(BindingResource::TextureView(frame.target.main_texture_view())),
-                slot => Some(BindingResource::TextureView(textures.get(*slot)?)),
+                slot => match textures.buffer(*slot) {
+                    Some(buffer) => Some(buffer.as_entire_binding()),
+                    None => Some(BindingResource::TextureView(textures.get(*slot)?)),
+                },
             };
-            let resources: Option<Vec<_>> = inputs.iter().map(resource).collect();
-            let layout = frame.pipelines.inputs_layout(pass.name, inputs);
+            let resources: Option<Vec<_>> = slots.iter().map(resource).collect();
+            let layout = frame.pipelines.bound_layout(pass.name, access, slots);
             Some(groups.get(device, cache, &layout, &resources?))
         })
         .collect::<Option<_>>()?;
@@ -162,8 +163,8 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
                 let scene_depth = if is_saved { textures.get(Slot::SceneDepth)? } else { frame.depth.view() };
                 resources.push(BindingResource::TextureView(scene_depth));
             }
-            if let FirstGroup::Batches(_) = group {
-                let batches = [Slot::BatchCounts, Slot::BatchGaps].map(|slot| textures.buffer(slot));
+            if let FirstGroup::Batches(_, elements) = group {
+                let batches = [Slot::BatchCounts, elements].map(|slot| textures.buffer(slot));
                 resources.extend(batches.into_iter().flatten().map(|buffer| buffer.as_entire_binding()));
             }
             Some((groups.get(device, cache, &frame.pipelines.first_layout(group), &resources), &[][..]))

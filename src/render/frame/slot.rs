@@ -18,10 +18,12 @@ pub(in crate::render) enum Slot {
     Lit,
     /// The color that each label shows in each band of light.
     Shades,
-    /// The number of gaps in each batch.
+    /// The number of gaps in each batch, and later of the pixels at edges that need rays.
     BatchCounts,
     /// The places of gaps in the squares of their batches.
     BatchGaps,
+    /// Where these pixels are in the squares of their batches: a word per row, a bit per pixel.
+    BatchEdges,
     /// The colors of the scene, as passes read them in the camera's target.
     Scene,
     /// This target, to draw to, and its depth texture or a shadow map.
@@ -48,7 +50,7 @@ pub(in crate::render) enum Slot {
     Gaps,
     /// The owners that may cover parts of a pixel. See `outline.wgsl`.
     Outline,
-    /// These parts, as bits. Unlike integers, the format can be blended. See `coverage.wgsl`.
+    /// These parts: a word per pixel of the drawn part of the view. See `coverage.wgsl`.
     Coverage,
     /// What the rays of edges see of the pixel's owner, and of the other owner. See `coverage.wgsl`.
     OwnRays,
@@ -136,10 +138,11 @@ impl Slot {
             Self::ShadowTile => TILE_FORMAT,
             Self::Gaps => R16Uint,
             Self::Outline | Self::Labels | Self::FormerLabels => Rg16Uint,
-            Self::Coverage | Self::Light => Rgba8Unorm,
+            Self::Light => Rgba8Unorm,
             Self::Even | Self::Odd => Rgba32Uint,
             Self::Objects | Self::ObjectSamples | Self::Scene | Self::Target => return None,
-            Self::View | Self::Screen | Self::Lit | Self::Shades | Self::BatchCounts | Self::BatchGaps => return None,
+            Self::View | Self::Screen | Self::Lit | Self::Shades => return None,
+            Self::BatchCounts | Self::BatchGaps | Self::BatchEdges | Self::Coverage => return None,
         })
     }
 
@@ -147,6 +150,12 @@ impl Slot {
     pub fn of_light(plan: &Plan) -> Option<Self> {
         let light = if plan.is_brightened { Self::SmoothLight } else { Self::Light };
         plan.is_lit.then_some(light)
+    }
+
+    /// Returns whether it is a storage buffer.
+    pub fn is_buffer(self) -> bool {
+        use Slot::*;
+        matches!(self, Lit | Shades | BatchCounts | BatchGaps | BatchEdges | Coverage)
     }
 
     /// Returns whether it has the size of the camera's target.
@@ -165,7 +174,7 @@ impl Slot {
     }
 }
 
-/// The pixels along a side of the square whose gaps form a batch, and of the one in which it is drawn. Matches
+/// The pixels along a side of the square whose gaps or edges form a batch, and of the one in which it is drawn. Matches
 /// `batch.wgsl`.
 pub(in crate::render) const BATCH: u32 = 32;
 /// The largest number of gaps in a batch.

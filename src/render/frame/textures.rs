@@ -17,7 +17,7 @@ use bevy::{
 
 use super::{
     pass::Pass,
-    slot::{MOST_GAPS, Slot, batches},
+    slot::{BATCH, MOST_GAPS, Slot, batches},
 };
 use crate::{gpu::Allocator, render::plan::Plan};
 
@@ -94,6 +94,8 @@ impl Textures {
             Slot::Scene | Slot::Target | Slot::TargetDepth | Slot::PrepassMotion => true,
             Slot::BatchCounts => self.create_buffer(device, slot, batches),
             Slot::BatchGaps => self.create_buffer(device, slot, batches * MOST_GAPS),
+            Slot::BatchEdges => self.create_buffer(device, slot, batches * BATCH),
+            Slot::Coverage => self.create_buffer(device, slot, self.size.element_product()),
             _ => self.create_texture(device, slot, plan),
         }
     }
@@ -122,9 +124,12 @@ impl Textures {
             *idle = 0;
             return true;
         }
-        let copied = if slot == Slot::SceneDepth { TextureUsages::COPY_DST } else { TextureUsages::empty() };
-        let label = "plenoctree_view";
-        let create = || create_texture(device, label, size, samples, format, copied);
+        let usage = match slot {
+            Slot::SceneDepth => TextureUsages::COPY_DST,
+            Slot::OwnRays | Slot::OtherRays => TextureUsages::STORAGE_BINDING,
+            _ => TextureUsages::empty(),
+        };
+        let create = || create_texture(device, "plenoctree_view", size, samples, format, usage);
         self.allocator.create(device, create).map(|view| self.textures.insert(slot, (view, 0))).is_some()
     }
 
@@ -136,7 +141,7 @@ impl Textures {
         }
         let created = self.allocator.create(device, || {
             device.create_buffer(&BufferDescriptor {
-                label: Some("plenoctree_batches"),
+                label: Some("plenoctree_view"),
                 size,
                 usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
                 mapped_at_creation: false,
@@ -178,8 +183,10 @@ fn size_in_steps(existing: UVec2, drawn: UVec2, viewport: UVec2) -> UVec2 {
     // Of large sizes, an eighth to a quarter, so that a prop that comes nearer does not recreate them every few frames.
     let step = UVec2::new(drawn.x.next_power_of_two(), drawn.y.next_power_of_two()) / 8;
     let step = step.max(UVec2::splat(STEP));
-    let stepped = ((drawn + step - 1) / step * step).min(viewport.max(drawn));
-    let is_enough = existing.cmpge(drawn).all() && existing.cmple(viewport.max(drawn)).all();
+    // Whole squares, so that batches have a place.
+    let limit = BATCH * batches(viewport.max(drawn));
+    let stepped = ((drawn + step - 1) / step * step).min(limit);
+    let is_enough = existing.cmpge(BATCH * batches(drawn)).all() && existing.cmple(limit).all();
     let most = 2 * (stepped + STEP).element_product();
     if is_enough && existing.element_product() <= most { existing } else { stepped }
 }
@@ -202,7 +209,7 @@ mod tests {
             let (existing, drawn, beyond) = (UVec2::from(existing), UVec2::from(drawn), UVec2::from(beyond));
             let viewport = drawn + beyond;
             let size = size_in_steps(existing, drawn, viewport);
-            prop_assert!(size.cmpge(drawn).all() && size.cmple(viewport).all());
+            prop_assert!(size.cmpge(BATCH * batches(drawn)).all() && size.cmplt(viewport + BATCH).all());
             prop_assert!(size.element_product() <= 2 * (drawn + drawn / 4 + 2 * STEP).element_product());
             let smaller = drawn.saturating_sub(UVec2::from(moved)).max(UVec2::ONE);
             let size = size_in_steps(UVec2::ZERO, drawn, viewport);

@@ -1,20 +1,17 @@
 //! Finds how much of each edge pixel a posterized prop covers, so that it can be blended with the background:
 //! section 4 of the method, step 6. The edges of the paper are hard.
 //!
-//! The *outline* pass finds the pixels at the edges of props, and the owners that may cover parts of them. The
-//! *coverage* pass finds these parts: from opacity where it says enough, and elsewhere with several rays through the
-//! pixel.
+//! The *outline* pass finds the pixels at the edges of props, and the owners that may cover parts of them: from opacity
+//! where it says enough. It lists the others in batches. The *coverage* pass marches several rays through each of
+//! these, side by side: edges are thin, and graphics cards gain nothing by leaving out single pixels.
 
-use bevy::{
-    prelude::*,
-    render::render_resource::{BlendComponent, BlendFactor, BlendOperation, BlendState, CompareFunction},
-};
+use bevy::{prelude::*, render::render_resource::CompareFunction};
 
 use super::volume::index_of;
 use crate::{
     gpu::field_definitions,
     render::{
-        frame::{Blend, CachedResult, Draw, FirstGroup, Pass, Place, Program, Slot},
+        frame::{CachedResult, Draw, FirstGroup, Pass, Place, Program, Slot},
         plan::{Feature, Plan},
         uniforms::Smooths,
     },
@@ -38,21 +35,38 @@ enum Pixels {
 /// Where the rays of edges reach owners. Whenever the layer is drawn, so is the composite, which replaces all of this.
 const PLACES: Slot = Slot::Even;
 
-/// Finds the pixels at edges, unless the composite pass does. Clears what the coverage pass adds to if there are several
-/// props.
-pub(super) fn outline(plan: &Plan) -> Option<Pass> {
-    let is_several = plan.has_several_props;
-    let rays: &[Slot] = if is_several { &[Slot::Coverage, Slot::OwnRays, Slot::OtherRays] } else { &[] };
-    let program = Program::new("outline").define_if(is_several, "SEVERAL").define_if(plan.estimates_edges, "ESTIMATES");
-    let program = program.depth_test(CompareFunction::Always, true);
-    (plan.smooths && !plan.composite_outlines()).then(|| Pass {
+/// What is known of the pixels at edges.
+const FOUND: [Slot; 3] = [Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
+
+/// Lets a pass find the pixels at edges.
+pub(super) fn outlining(plan: &Plan, pass: Pass) -> Pass {
+    let define = |program: Program| {
+        let program = program.define("OUTLINE").define_if(plan.has_several_props, "SEVERAL");
+        let program = program.define_if(plan.estimates_edges, "ESTIMATES").define_number("SAMPLES", Some(plan.samples));
+        program.depth_test(CompareFunction::Always, true)
+    };
+    let batches = [Slot::BatchCounts, Slot::BatchEdges];
+    Pass {
         feature: Feature::Edges,
-        reads: vec![vec![Slot::COLOR, Slot::OWNER, Slot::DEPTH]],
-        writes: [&[Slot::Outline][..], rays].concat(),
+        group: FirstGroup::SceneDepth(plan.samples),
+        stores: [&FOUND[..], &batches].concat(),
+        writes: [&pass.writes[..], &[Slot::Outline]].concat(),
         depth: Some(Slot::EdgeMask),
         covers_all: true,
-        ..Pass::fullscreen(OUTLINE, Place::Layer, Some(CachedResult::Layer), vec![program])
-    })
+        zeroes: batches.to_vec(),
+        programs: pass.programs.into_iter().map(define).collect(),
+        ..pass
+    }
+}
+
+/// Finds the pixels at edges, unless the composite pass does.
+pub(super) fn outline(plan: &Plan) -> Option<Pass> {
+    let programs = vec![Program::new("outline")];
+    let pass = Pass {
+        reads: vec![vec![Slot::COLOR, Slot::OWNER, Slot::DEPTH]],
+        ..Pass::fullscreen(OUTLINE, Place::Layer, Some(CachedResult::Layer), programs)
+    };
+    (plan.smooths && !plan.composite_outlines()).then(|| outlining(plan, pass))
 }
 
 /// Finds which parts of these pixels props cover. Where props overlap, those before others are compared with them ray
@@ -67,44 +81,33 @@ pub(super) fn coverage(plan: &Plan) -> Vec<Pass> {
 }
 
 fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
-    let sum =
-        BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
-    let add = Blend::With(BlendState { color: sum, alpha: sum });
-    // A single prop writes all pixels at its edges, even where its rays do not meet its box.
-    let is_single = !plan.has_several_props;
-    let blend = if is_single { Blend::Replace } else { add };
-    let (definition, third, blends) = match pixels {
-        Pixels::All => (None, Slot::OtherRays, [blend; 3]),
-        Pixels::OfOwners => (Some("OF_OWNERS"), PLACES, [add, add, Blend::Replace]),
-        Pixels::OfOthers => (Some("OF_OTHERS"), Slot::OtherRays, [add; 3]),
-    };
-    let mut reads = vec![Slot::Outline, Slot::OWNER, Slot::DEPTH, Slot::COLOR];
+    let is_of_owners = pixels == Pixels::OfOwners;
+    let mut reads = vec![Slot::Outline, Slot::OWNER, Slot::DEPTH];
     reads.extend((pixels == Pixels::OfOthers).then_some(PLACES));
     let (mut programs, mut draws, mut shapes) = (vec![], vec![], vec![]);
     for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| prop.smooths != Smooths::Nothing) {
         let program = index_of(&mut shapes, prop.kind.shape, || {
-            let program =
-                Program { tree: Some(prop.kind.shape.into()), blends: blends.to_vec(), ..Program::new("coverage") };
-            let program = definition.into_iter().fold(program, Program::define);
+            let program = Program { tree: Some(prop.kind.shape.into()), vertex: "batches", ..Program::new("coverage") };
+            let program = program.define_if(is_of_owners, "OF_OWNERS");
+            let program = program.define_if(pixels == Pixels::OfOthers, "OF_OTHERS");
+            let program = program.define_if(plan.has_several_props, "SEVERAL");
             let program = program.define_number("SAMPLES", Some(plan.samples));
-            programs.push(program.define_all(field_definitions(prop.kind.shape)).where_edges_need_rays());
+            programs.push(program.define_all(field_definitions(prop.kind.shape)));
         });
-        let scissor = (!is_single).then_some(prop.rect);
+        // A single prop writes all pixels at its edges, even where its rays do not meet its box.
+        let all = URect { min: UVec2::ZERO, max: plan.rect.size };
+        let rect = if plan.has_several_props { prop.rect } else { all };
         let field = Some(prop.field.clone());
-        draws.push(Draw { field, instance: index as u32, scissor, ..Draw::triangle(program) });
-    }
-    // Opacity is that of one prop where the boxes of no others are.
-    if plan.estimates_edges && pixels != Pixels::OfOwners {
-        let program = Program { blends: blends.to_vec(), ..Program::new("estimate") };
-        programs.push(program.define_number("SAMPLES", Some(plan.samples)).at_estimated_edges());
-        draws.push(Draw::triangle(programs.len() - 1));
+        draws.extend(Draw { field, instance: index as u32, ..Draw::triangle(program) }.of_batches(plan, rect));
     }
     let place = if plan.composite_outlines() { Place::Posterize } else { Place::Layer };
     Pass {
         feature: Feature::Edges,
-        group: FirstGroup::SceneDepth(plan.samples),
+        group: FirstGroup::Batches(plan.samples, Slot::BatchEdges),
         reads: vec![reads],
-        writes: vec![Slot::Coverage, Slot::OwnRays, third],
+        stores: FOUND.into_iter().filter(|slot| !is_of_owners || *slot != Slot::OtherRays).collect(),
+        writes: is_of_owners.then_some(PLACES).into_iter().collect(),
+        // Render passes need an attachment.
         depth: Some(Slot::EdgeMask),
         draws,
         ..Pass::fullscreen(COVERAGE, place, Some(CachedResult::Layer), programs)

@@ -8,10 +8,10 @@
 use bevy::{
     camera::CompositingSpace,
     prelude::*,
-    render::render_resource::CompareFunction,
     shader::{Shader, ShaderDefVal},
 };
 
+use super::edges::outlining;
 use crate::gpu::pipelines::STAGE;
 use crate::render::{
     frame::{CachedResult, Clear, Draw, Fragment, Pass, Place, Program, Slot},
@@ -25,22 +25,18 @@ pub(super) const LABEL: &str = "plenoctree_label";
 /// Blends the layer over the scene, in encoded sRGB.
 pub(super) fn composite(plan: &Plan) -> Option<Pass> {
     let outlines = plan.composite_outlines();
-    let program = Program::new("composite")
-        .define_all(space(plan.target.space))
-        .define_if(plan.iterations == 0, "UNFILTERED")
-        .define_if(outlines, "OUTLINE")
-        .define_if(outlines && plan.estimates_edges, "ESTIMATES")
-        .depth_test(CompareFunction::Always, outlines);
+    let program =
+        Program::new("composite").define_all(space(plan.target.space)).define_if(plan.iterations == 0, "UNFILTERED");
     let mut reads = vec![Slot::COLOR, Slot::OWNER, Slot::Scene];
     reads.extend(outlines.then_some(Slot::DEPTH));
-    plan.posterizes.then(|| Pass {
-        feature: if outlines { Feature::Edges } else { Feature::Posterize },
+    let pass = Pass {
+        feature: Feature::Posterize,
         reads: vec![reads],
-        writes: if outlines { vec![Slot::Even, Slot::Outline] } else { vec![Slot::Even] },
-        depth: outlines.then_some(Slot::EdgeMask),
+        writes: vec![Slot::Even],
         covers_all: true,
         ..Pass::fullscreen(COMPOSITE, Place::Posterize, Some(CachedResult::Composite), vec![program])
-    })
+    };
+    plan.posterizes.then(|| if outlines { outlining(plan, pass) } else { pass })
 }
 
 /// The bilateral filter: in each iteration along rows, then along columns.

@@ -23,10 +23,11 @@ pub(super) fn check(plan: &Plan) -> Pass {
     Pass {
         feature: Feature::Sparse,
         group: FirstGroup::SceneDepth(plan.samples),
-        reads: vec![vec![color, owner, depth, Slot::BatchCounts, Slot::BatchGaps]],
+        reads: vec![vec![color, owner, depth]],
+        stores: vec![Slot::BatchCounts, Slot::BatchGaps],
         writes: vec![Slot::Gaps],
         covers_all: true,
-        zeroes: Some(Slot::BatchCounts),
+        zeroes: vec![Slot::BatchCounts],
         ..Pass::fullscreen(CHECK, Place::Layer, Some(CachedResult::Layer), vec![Program::new("check")])
     }
 }

@@ -16,9 +16,7 @@ use bevy::{
 use crate::{
     gpu::{FieldShape, TreeShape, field_definitions},
     render::{
-        frame::{
-            BATCH, Blend, CachedResult, Clear, Draw, FirstGroup, Pass, Pipelines, Place, Program, RaySet, Slot, batches,
-        },
+        frame::{Blend, CachedResult, Clear, Draw, FirstGroup, Pass, Pipelines, Place, Program, RaySet, Slot},
         plan::{Feature, Kind, Plan, PlannedProp},
     },
 };
@@ -148,7 +146,7 @@ fn marching(name: &'static str, plan: &Plan, rays: RaySet) -> Pass {
     Pass {
         feature: if plan.is_sparse { Feature::Sparse } else { Feature::Base },
         group: match rays {
-            RaySet::Batches => FirstGroup::Batches(plan.samples),
+            RaySet::Batches => FirstGroup::Batches(plan.samples, Slot::BatchGaps),
             RaySet::Pixels | RaySet::Grid => FirstGroup::SceneDepth(plan.samples),
         },
         clear: Some(Clear::Zero),
@@ -171,16 +169,7 @@ fn through(program: Program, rays: RaySet, shape: FieldShape) -> Program {
 /// Returns what draws a prop: its box, or all batches that have pixels in it.
 fn draw(plan: &Plan, rays: RaySet, prop: &PlannedProp, program: usize, instance: u32) -> Option<Draw> {
     let draw = Draw { program, field: Some(prop.field.clone()), vertices: BOX, instance, scissor: None };
-    if rays != RaySet::Batches {
-        return Some(draw);
-    }
-    if prop.rect.is_empty() {
-        return None;
-    }
-    let (low, high) = (prop.rect.min / BATCH, batches(prop.rect.max));
-    let of_row = 6 * batches(plan.rect.size).x;
-    let scissor = Some(URect { min: BATCH * low, max: BATCH * high });
-    Some(Draw { vertices: low.y * of_row..high.y * of_row, scissor, ..draw })
+    if rays == RaySet::Batches { draw.of_batches(plan, prop.rect) } else { Some(draw) }
 }
 
 /// Returns the index of a key in a list. Appends it if it is new, and calls `add`.

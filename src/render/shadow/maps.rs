@@ -15,14 +15,14 @@ use bevy::{
 use super::{
     cached::{CachedCasters, CasterKey, Tile},
     pipeline::{SHADOW_SPAN, passes},
-    texels::{LightView, clip_from_part, parts},
+    texels::{LightView, clip_from_part, map_size, parts},
 };
 use crate::{
     gpu::{Allocator, GpuField, LeftOut, Level, TreeShape, WrittenBuffer},
     quality::PropQuality,
     render::{
         extract::{ExtractedProps, VisibleProps},
-        frame::{BindGroups, FirstGroup, Pipelines, PropView, Slot, TILE_FORMAT},
+        frame::{Access, BindGroups, FirstGroup, Pipelines, PropView, Slot, TILE_FORMAT},
         uniforms::{PropUniform, ViewUniform},
     },
 };
@@ -89,12 +89,13 @@ pub(super) fn prepare_maps(
 ) {
     let waiting = waiting_props(&extracted, &views);
     let layout = pipelines.first_layout(FirstGroup::Map);
-    let layout_of_tile = cache.get_bind_group_layout(&pipelines.inputs_layout(SHADOW_SPAN, &[Slot::ShadowTile]));
+    let layout_of_tile =
+        cache.get_bind_group_layout(&pipelines.bound_layout(SHADOW_SPAN, Access::Read, &[Slot::ShadowTile]));
     let mut of_trees = HashMap::<TreeShape, [CachedRenderPipelineId; 3]>::default();
     for (view, mut map) in &mut maps {
         let MapProps { order, filled, drawn, cached, allocator, view: of_view, uniforms, props, groups, group } =
             &mut *map;
-        let size = view.viewport.zw();
+        let size = map_size(view, &device);
         // Shadows do not appear before the props that cast them, but those that are there stay.
         let mut hidden = waiting.clone();
         drawn.iter().for_each(|call| _ = hidden.remove(&call.entity));
@@ -110,7 +111,7 @@ pub(super) fn prepare_maps(
             let Some((level, _, pose)) = prop.at_level(*level, &fields) else {
                 continue;
             };
-            let Some(seen) = LightView::new(&pose, view) else {
+            let Some(seen) = LightView::new(&pose, view, size) else {
                 continue;
             };
             let tree = level.shape.into();
