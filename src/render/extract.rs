@@ -357,7 +357,7 @@ pub(super) fn extract_props(
         };
         let stages = stages.map(|stages| &stages.0).filter(|stages| !stages.iter().any(fails));
         view.stages.extend(stages.into_iter().flatten().cloned());
-        view.has_motion = has_motion && placement == PropPlacement::Scene;
+        view.has_motion = has_motion;
         // A camera that has seen no prop yet has no component of the plugin.
         if let Some(new) = new.filter(|view| !view.is_empty()) {
             commands.entity(entity).insert(new);

@@ -77,14 +77,6 @@ impl Pose {
         self.world_from_field().transform_point3(self.frame.to_world(0.5 * (self.low + self.high)))
     }
 
-    /// Returns the radius of the smallest ball around that center that contains the box, in world units of the scene.
-    #[cfg(feature = "shadows")]
-    pub fn radius(&self) -> f64 {
-        let DMat3 { x_axis: x, y_axis: y, z_axis: z } = self.world_from_field().matrix3 * self.field_from_box().matrix3;
-        let diagonals = [x + y + z, x + y - z, x - y + z, x - y - z];
-        0.5 * diagonals.map(DVec3::length).into_iter().fold(0.0, f64::max)
-    }
-
     /// Returns the rays of a camera, or `None` if the prop has no volume or is nowhere: if a transform is degenerate or
     /// not finite.
     pub fn rays(&self, world_from_view: &GlobalTransform, clip_from_view: Mat4, viewport: UVec2) -> Option<Rays> {

@@ -1,6 +1,9 @@
 //! Where the texels of a shadow map are, and which of them a prop can cover.
 
-use bevy::{prelude::*, render::view::ExtractedView};
+use bevy::{
+    prelude::*,
+    render::{renderer::RenderDevice, view::ExtractedView},
+};
 use glam::{DAffine3, DMat4, DVec2, DVec4};
 
 use crate::render::rays::{Pose, Rays, covered, extent, is_orthographic, near_plane};
@@ -29,10 +32,14 @@ const BLOCK: u32 = 8;
 /// Counts of texels are limited, so that sums do not overflow.
 const FAR: f64 = 1e8;
 
+/// Returns the size of a shadow map: what the app asks for, or the most that the GPU can have, as in Bevy.
+pub(super) fn map_size(view: &ExtractedView, device: &RenderDevice) -> UVec2 {
+    view.viewport.zw().min(UVec2::splat(device.limits().max_texture_dimension_2d))
+}
+
 impl LightView {
     /// Returns `None` if the prop has no volume.
-    pub fn new(pose: &Pose, view: &ExtractedView) -> Option<Self> {
-        let size = view.viewport.zw();
+    pub fn new(pose: &Pose, view: &ExtractedView, size: UVec2) -> Option<Self> {
         let world_from_view = view.world_from_view.affine().as_daffine3();
         match view.clip_from_world {
             Some(clip_from_world) if is_orthographic(view.clip_from_view) => {
