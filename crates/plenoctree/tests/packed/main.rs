@@ -5,7 +5,7 @@ mod sections;
 
 use std::io::Cursor;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use plenoctree::{
     Activation, BakeSettings, Basis, LoadSettings, PackSettings, Packed, PlenOctree, ReadError, ReadFault, UpAxis,
     bake,
@@ -206,6 +206,36 @@ fn only_what_is_seen_is_kept() {
     let opaque = |at: f64| packed.field().render_ray(DVec3::new(at, 0.1, -2.0), DVec3::Z).1;
     assert!((0..9).all(|place| opaque(0.1 * f64::from(place) - 0.4) > 0.99));
     assert_eq!(pack(&field, &PackSettings { hidden: 0.0, ..Default::default() }).field().leaves(), all);
+}
+
+/// The floors of cups, one and a half and two and a half times as deep as wide, in any direction, are seen from outside
+/// and kept.
+#[test]
+fn floors_of_holes_are_kept() {
+    for (axis, up) in [(0, UpAxis::Z), (1, UpAxis::Y), (2, UpAxis::Z), (2, UpAxis::Y)] {
+        for depth in [0.9, 1.5] {
+            let floor = 0.9 - depth;
+            let settings = BakeSettings { depth: 6, basis: Basis::Rgba, up, directions: 8, ..Default::default() };
+            let place = |at: DVec3| (at[axis], DVec2::new(at[(axis + 1) % 3], at[(axis + 2) % 3]).length());
+            let density = |at: DVec3| {
+                let (height, radius) = place(at);
+                let solid = radius < 0.6 && (-0.9..0.9).contains(&height) && (radius > 0.3 || height < floor);
+                if solid { 1000.0 } else { 0.0 }
+            };
+            let radiance = |at: DVec3| {
+                let is_floor = place(at).0 > floor - 0.1 && place(at).1 < 0.3;
+                move |_| if is_floor { DVec3::X } else { DVec3::Z }
+            };
+            let packed = pack(&bake(&settings, density, radiance).unwrap(), &PackSettings::default());
+            for (across, down) in [(0.01, 0.01), (0.2, 0.02), (-0.02, -0.23), (-0.15, 0.15)] {
+                let (mut origin, mut direction) = (DVec3::ZERO, DVec3::ZERO);
+                (origin[axis], origin[(axis + 1) % 3], origin[(axis + 2) % 3]) = (2.0, across, down);
+                direction[axis] = -1.0;
+                let color = packed.field().render_ray(origin, direction).0;
+                assert!((color - DVec3::X).abs().max_element() < 0.05, "{axis} {up:?} {depth}: {color} at {origin}");
+            }
+        }
+    }
 }
 
 #[test]
