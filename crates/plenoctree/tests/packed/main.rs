@@ -208,6 +208,36 @@ fn only_what_is_seen_is_kept() {
     assert_eq!(pack(&field, &PackSettings { hidden: 0.0, ..Default::default() }).field().leaves(), all);
 }
 
+/// Of a fog, a wisp of smoke above a solid, and a veil in front of it, no leaf is opaque, but all of them are kept. A
+/// haze that nobody sees is an error, not an empty field.
+#[test]
+fn fogs_and_wisps_are_kept() {
+    let settings = BakeSettings { depth: 6, basis: Basis::Rgba, min_density: 0.0, directions: 8, ..Default::default() };
+    let bake = |density: &(dyn Fn(DVec3) -> f64 + Sync)| bake(&settings, density, |_| |_| DVec3::ONE).unwrap();
+    let solid = |at: DVec3| if at.length() < 0.3 { 1000.0 } else { 0.0 };
+    let fog = bake(&|at| if at.length() < 0.9 { 0.05 } else { 0.0 });
+    let wisp = bake(&|at| {
+        if DVec2::new(at.x, at.y).length() < 0.3 && at.z > 0.4 { 0.07 } else { solid(at) }
+    });
+    let veil = bake(&|at| if at.length() < 0.9 { 0.05 + solid(at) } else { 0.0 });
+    for (name, field, origin) in [
+        ("fog", &fog, DVec3::new(0.1, 0.05, 2.0)),
+        ("wisp", &wisp, DVec3::new(0.03, 2.0, 0.6)),
+        ("veil", &veil, DVec3::new(0.6, 0.05, 2.0)),
+    ] {
+        let direction = if name == "wisp" { DVec3::NEG_Y } else { DVec3::NEG_Z };
+        let packed = pack(field, &PackSettings::default());
+        let [before, after] = [field, packed.field()].map(|field| field.render_ray(origin, direction).1);
+        assert!(before - after < 0.02, "{name}: {before} and {after}");
+    }
+    // What no ray reaches is dropped all the same.
+    assert!(pack(&veil, &PackSettings::BALANCED).field().leaves() < veil.leaves() - 500);
+    let haze = bake(&|_| 1e-3);
+    let error = Packed::new(&haze, &PackSettings::default(), &Progress::default()).unwrap_err();
+    assert!(error.to_string().contains("nothing is left to pack"), "{error}");
+    assert!(Packed::new(&haze, &PackSettings { hidden: 1e-6, ..Default::default() }, &Progress::default()).is_ok());
+}
+
 /// The floors of cups, one and a half and two and a half times as deep as wide, in any direction, are seen from outside
 /// and kept.
 #[test]

@@ -86,16 +86,7 @@ pub fn pack_unchanged(field: &PlenOctree, settings: &PackSettings) -> Result<Pac
             bar.set_message("learning the codebooks");
         }
     };
-    let packed = progress::watched(&bar, || Packed::new(field, settings, &progress), show)?;
-    if packed.field().leaves() == 0 && field.leaves() > 0 {
-        let hidden = settings.hidden;
-        return Err(format!(
-            "no leaf adds an opacity of {hidden} to a ray from outside, so nothing is left to pack; choose a smaller pack \
-             --hidden"
-        )
-        .into());
-    }
-    Ok(packed)
+    Ok(progress::watched(&bar, || Packed::new(field, settings, &progress), show)?)
 }
 
 /// The optical depth beyond which light that is left does not show.
