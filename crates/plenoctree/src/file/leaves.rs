@@ -126,7 +126,8 @@ fn move_rows(rows: &mut [f16], width: usize, mut targets: Vec<usize>) {
 }
 
 fn finite_density(key: &'static str, sigma: impl Real, cell: usize) -> Result<f32, ReadFault> {
-    let density = sigma.to_f32();
+    // svox stores half floats, in which larger densities become infinite.
+    let density = if sigma.to_f64() == f64::INFINITY { f16::MAX.to_f32() } else { sigma.to_f32() };
     let finite = density.is_finite().then_some(density);
     finite.ok_or_else(|| number_fault(key, sigma, cell, "a density within the range of float32"))
 }

@@ -75,7 +75,8 @@ impl PlenOctree {
     /// Arrays of `.npz` files are streamed, and only the leaves that are kept take up memory. Nodes and leaves are
     /// sorted in depth-first order, and nodes that the root does not reach are dropped. Arrays may be in C or Fortran
     /// order, with either byte order and any number type that converts without loss of meaning. Coefficients are
-    /// rounded to float16 and densities to float32.
+    /// rounded to float16 and densities to float32. Infinite densities, which svox stores for those beyond 65504, are
+    /// read as 65504.
     ///
     /// # Errors
     ///
