@@ -25,7 +25,7 @@ pub struct BakeSettings {
     /// Axis of the field's frame that points up. [`UpAxis::Z`] by default.
     pub up: UpAxis,
     /// Density, per world unit, below which a cell is empty. 1e-2 by default, which is also the default threshold of
-    /// [`LoadSettings`](crate::LoadSettings) in boxes of up to 100 units. Negative values and NaN count as 0. Cells
+    /// [`LoadSettings`](crate::LoadSettings) in boxes of up to 10 units. Negative values and NaN count as 0. Cells
     /// whose density float32 rounds to 0 are always empty.
     pub min_density: f64,
     /// Number of points along each axis of a cell over which density is averaged. 1 to 64, 2 by default. Values out of

@@ -252,14 +252,20 @@ fn written_densities_are_the_nearest_that_the_format_holds() {
     }
 }
 
-/// In boxes of more than 100 units, the density threshold counts per tenth of the box: what is faint is kept in any unit.
+/// In boxes of more than 10 units, the density threshold counts per tenth of the box: what is faint is kept in any unit,
+/// and a little larger box never changes much.
 #[test]
 fn faint_leaves_are_kept_in_small_units() {
     for (width, density, leaves) in [
         (1.0, 0.009, 0),
         (2.0, 0.009, 0),
         (2.0, 0.011, 1),
-        (99.0, 0.009, 0),
+        (10.0, 0.0099, 0),
+        (10.2, 0.0099, 1),
+        (99.0, 0.00102, 1),
+        (99.0, 0.001, 0),
+        (101.0, 0.001, 1),
+        (101.0, 0.00098, 0),
         (2000.0, 0.009, 1),
         (2000.0, 5.1e-5, 1),
         (2000.0, 4.9e-5, 0),
