@@ -1,5 +1,7 @@
 //! Reading and writing PlenOctree files: packed fields, and the `.npz` archives of svox, plenoctree, volrend and svox2.
 
+#[cfg(feature = "write")]
+mod density;
 mod error;
 mod frame;
 mod leaves;
@@ -12,6 +14,8 @@ mod walk;
 #[cfg(feature = "write")]
 mod write;
 
+#[cfg(feature = "write")]
+pub use density::DensityLoss;
 pub use error::{ReadError, ReadFault};
 #[cfg(feature = "write")]
 pub(crate) use frame::check_frame;

@@ -9,8 +9,8 @@ use glam::{DVec3, UVec3};
 use half::f16;
 use npz::{Arrays, CELLS, NODES, c, example, fortran, npy};
 use plenoctree::{
-    Activation, Basis, Cell, Frame, LoadSettings, PackSettings, Packed, PlenOctree, ReadError, ReadFault, UpAxis,
-    WriteError, palette::Palette, sampling::Progress,
+    Activation, Basis, Cell, DensityLoss, Frame, LoadSettings, PackSettings, Packed, PlenOctree, ReadError, ReadFault,
+    UpAxis, WriteError, palette::Palette, sampling::Progress,
 };
 use zip::CompressionMethod;
 
@@ -250,6 +250,19 @@ fn written_densities_are_the_nearest_that_the_format_holds() {
         let field = read_with(&written(&one_leaf(density, frame)), &settings).unwrap();
         assert_eq!(field.densities(), [expected]);
     }
+}
+
+/// Densities that files change are reported where that shows: with the same optical depths, in units that are far too
+/// large, or far too small.
+#[test]
+fn densities_that_files_change_are_reported() {
+    let losses = |density: f32, width: f64| {
+        let field = one_leaf(density, Frame::spanning(DVec3::ZERO, DVec3::splat(width)));
+        field.density_losses().collect::<Vec<_>>()
+    };
+    assert!(matches!(losses(1e6, 1e-5)[..], [DensityLoss::CutOff { .. }]));
+    assert!(matches!(losses(1e-6, 1e7)[..], [DensityLoss::Rounded { .. }]));
+    assert!([1.0, 1e6, 1e-6].iter().all(|density| losses(*density, 10.0).is_empty()));
 }
 
 /// In boxes of more than 10 units, the density threshold counts per tenth of the box: what is faint is kept in any unit,
