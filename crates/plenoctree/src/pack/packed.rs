@@ -72,16 +72,14 @@ impl Packed {
         settings.validate()?;
         let found = field.frame();
         check_frame(["offset", "scale"], found).map_err(|_| PackError::Frame { found })?;
-        let Visibility { leaves: seen, directions } = visibility(field, settings.below.into(), progress)?;
+        let Visibility { leaves: mut seen, directions } = visibility(field, settings.below.into(), progress)?;
         let hidden = least(field, &seen, settings.hidden);
-        let keep = |leaf: u32| seen[leaf as usize].most >= hidden;
-        let kept = field.retain(keep);
+        let kept = field.retain(|leaf| seen[leaf as usize].most >= hidden);
+        seen.retain(|seen| seen.most >= hidden);
         if kept.leaves() == 0 && field.leaves() > 0 {
             return Err(PackError::Faint { hidden });
         }
         let metric = Metric::new(&directions, field.basis().functions());
-        let seen: Vec<Seen> =
-            (0..).zip(seen.iter().cloned()).filter(|(leaf, _)| keep(*leaf)).map(|(_, seen)| seen).collect();
         let recorded = match settings.record_histograms {
             true => field.clone().recording_histograms(progress)?.recorded().cloned(),
             false => None,
