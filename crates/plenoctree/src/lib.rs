@@ -58,7 +58,7 @@ pub mod srgb;
 pub use bake::{BakeError, BakeSettings, bake};
 pub use field::{Activation, Basis, Cell, Codebook, Frame, InvalidField, LeafCell, MAX_DEPTH, PlenOctree, UpAxis};
 #[cfg(feature = "write")]
-pub use file::{DensityLoss, WriteError};
+pub use file::{DensityLoss, TooEven, WriteError};
 pub use file::{LoadSettings, ReadError, ReadFault};
 pub use lod::Faintness;
 pub use march::Crossing;

@@ -10,6 +10,7 @@ mod npz;
 mod packed;
 mod quantized;
 mod read;
+mod room;
 mod walk;
 #[cfg(feature = "write")]
 mod write;
@@ -22,6 +23,8 @@ pub(crate) use frame::check_frame;
 #[cfg(feature = "write")]
 pub(crate) use packed::{COLOR_RANGES, MAX_LEVELS, MAX_ROWS, Quantized, RECENT, Recent};
 pub use read::LoadSettings;
+#[cfg(feature = "write")]
+pub use room::TooEven;
 #[cfg(feature = "write")]
 pub use write::WriteError;
 #[cfg(feature = "write")]

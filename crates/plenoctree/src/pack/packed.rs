@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     field::{Frame, PlenOctree, Tables, from_rgb},
-    file::{Quantized, WriteError, check_frame},
+    file::{Quantized, TooEven, WriteError, check_frame},
     lod::lost,
     sampling::{Canceled, InvalidSetting, Progress, Seen, Visibility, visibility},
     save::replace_file,
@@ -35,6 +35,9 @@ pub enum PackError {
         /// The field's frame.
         found: Frame,
     },
+    /// The file would be too small for what it holds.
+    #[error(transparent)]
+    TooEven(#[from] TooEven),
     /// The field is so faint that nothing of it would be left.
     #[error(
         "no leaf adds an opacity of {hidden} to a ray from outside, so nothing is left to pack; choose a smaller `hidden`"
@@ -67,7 +70,8 @@ impl Packed {
     /// # Errors
     ///
     /// Returns an error if a setting is out of range, if the field's cube does not fit in float32, if nothing would be
-    /// left of its leaves, or if packing is canceled.
+    /// left of its leaves, if so much of a large field is the same that readers would reject the file, or if packing is
+    /// canceled.
     pub fn new(field: &PlenOctree, settings: &PackSettings, progress: &Progress) -> Result<Self, PackError> {
         settings.validate()?;
         let found = field.frame();
@@ -85,7 +89,7 @@ impl Packed {
             false => None,
         };
         let quantized = Quantized { recorded, ..quantize(&kept, seen, &metric, settings, progress)? };
-        let (bytes, sections) = quantized.encode();
+        let (bytes, sections) = quantized.encode()?;
         Ok(Self { field: quantized.field(), bytes, sections })
     }
 

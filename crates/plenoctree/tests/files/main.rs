@@ -298,6 +298,36 @@ fn frames_beyond_the_format_are_not_written() {
     assert!(matches!(error, WriteError::Frame { key: "offset", .. }), "{error}");
 }
 
+/// A field of one color, whose tree is full. At the deepest level, only the first `cells` of each node are leaves.
+fn even(depth: u32, cells: usize) -> PlenOctree {
+    let last = 1 << (3 * (depth - 1));
+    let above = (last - 1) / 7;
+    let divided = |node: usize| std::array::from_fn(|cell| Cell::node((8 * node + 1 + cell) as u32));
+    let leaf = |node: usize, cell| if cell < cells { Cell::leaf((node * cells + cell) as u32) } else { Cell::EMPTY };
+    let nodes = (0..above).map(divided).chain((0..last).map(|node| std::array::from_fn(|cell| leaf(node, cell))));
+    let (nodes, leaves) = (nodes.collect(), last * cells);
+    let (frame, basis) = (Frame::spanning(DVec3::ZERO, DVec3::ONE), Basis::Sh25);
+    let coefficients = vec![f16::ONE; leaves * basis.coefficients()];
+    PlenOctree::new(frame, basis, Activation::Sigmoid, UpAxis::Z, nodes, vec![50.0; leaves], coefficients).unwrap()
+}
+
+/// A field that is far larger than its file, because all of it is the same, is read.
+#[test]
+fn even_fields_come_back() {
+    let field = even(7, 8);
+    let file = written(&field);
+    assert!(50 * file.len() < 2 * field.coefficients().len());
+    assert_eq!(read(&file).unwrap().coefficients(), field.coefficients());
+}
+
+/// One that readers would take for an attack is not written.
+#[test]
+#[ignore = "deflates three gigabytes"]
+fn larger_even_fields_are_not_written() {
+    let error = even(8, 1).write_to(Cursor::new(Vec::new())).unwrap_err();
+    assert!(matches!(error, WriteError::TooEven(_)), "{error}");
+}
+
 /// A field that cannot be written leaves the old file unchanged, and no other file.
 #[test]
 fn a_failed_write_loses_nothing() {

@@ -450,10 +450,12 @@ fn implausible_sizes_are_rejected() {
     assert_rejected(Basis::Sh4, claim(1 << 27, 1 << 29), "expected a plausible size");
     // A section that deflates to a thousandth.
     let zeros = |sections: &mut Sections| {
-        claim(1 << 22, 1 << 23)(sections);
-        *sections.get("TREE") = vec![0; 1 << 22];
+        claim(1 << 25, 1 << 25)(sections);
+        *sections.get("TREE") = vec![0; 1 << 25];
     };
     assert_rejected(Basis::Sh4, zeros, "expected a plausible size");
+    // An even fog, eight levels deep, has so many leaves and nodes, in a file as small.
+    assert_rejected(Basis::Sh4, claim(((1 << 24) - 1) / 7, 1 << 24), "TREE: found");
     let raw = |sections: &mut Sections| sections.claimed = Some(("BASE", u64::MAX));
     assert_rejected(Basis::Sh4, raw, "BASE: found 18446744073709551615 bytes deflated to");
 }

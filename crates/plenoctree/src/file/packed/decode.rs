@@ -12,7 +12,7 @@ use super::super::{error::ReadFault, frame::check_frame};
 use super::{
     container::{Container, fault},
     histogram, planes,
-    quantized::{MAX_LEVELS, MAX_ROWS, Quantized},
+    quantized::{MAX_LEVELS, MAX_ROWS, Quantized, content},
     recent::Recent,
     sections::{BINS, CONSTANTS, DENSITIES, HEAD, HEAD_BYTES, LEVELS, ROWS, TABLE, TREE},
     streams::{self, Rows},
@@ -24,8 +24,7 @@ pub(in crate::file) fn read_packed(reader: impl Read + Seek) -> Result<PlenOctre
     let mut file = Container::open(reader)?;
     let head = Head::parse(&file.read(HEAD, HEAD_BYTES as u64)?)?;
     let (leaves, nodes) = (head.leaves as u64, head.nodes as u64);
-    // The memory of the field: densities, colors and rows per leaf, and cells per node.
-    file.check_room(HEAD, 14 * leaves + 32 * nodes)?;
+    file.check_room(HEAD, content(leaves, nodes))?;
     let (nodes, depth) = head.tree(&mut file)?;
     let densities = head.densities(&mut file)?;
     let damaged = |section| fault(section, "damaged content", "that of the head");

@@ -1,8 +1,9 @@
 //! Writes a packed field.
 
+use super::super::room::TooEven;
 use super::{
     container, histogram, planes,
-    quantized::Quantized,
+    quantized::{Quantized, content},
     recent::Recent,
     sections::{BINS, CONSTANTS, DENSITIES, HEAD, LEVELS, ROWS, TABLE, TREE},
     streams,
@@ -11,7 +12,7 @@ use crate::field::{Activation, Basis, Cell, UpAxis};
 
 impl Quantized {
     /// Returns the content of the file, and the name and size of every section in it.
-    pub(crate) fn encode(&self) -> (Vec<u8>, Vec<(&'static str, usize)>) {
+    pub(crate) fn encode(&self) -> Result<(Vec<u8>, Vec<(&'static str, usize)>), TooEven> {
         let of = self.rows_of_tables();
         let (levels, count) = (&self.levels, self.densities.len());
         let others = self.basis.functions() - 1;
@@ -25,7 +26,9 @@ impl Quantized {
             (ROWS, streams::write_rows(&self.rows, levels, count, of)),
         ];
         sections.extend(self.recorded.as_ref().map(|recorded| (BINS, histogram::write(recorded))));
-        container::build(&sections)
+        let (bytes, sizes) = container::build(&sections);
+        TooEven::check(content(levels.len() as u64, self.nodes.len() as u64), bytes.len() as u64)?;
+        Ok((bytes, sizes))
     }
 
     /// Returns how leaves name the rows of luma and of the differences.
