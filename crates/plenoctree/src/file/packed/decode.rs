@@ -11,7 +11,7 @@ use half::f16;
 use super::super::{error::ReadFault, frame::check_frame};
 use super::{
     container::{Container, fault},
-    histogram, planes,
+    histogram,
     quantized::{MAX_LEVELS, MAX_ROWS, Quantized, content},
     recent::Recent,
     sections::{BINS, CONSTANTS, DENSITIES, HEAD, HEAD_BYTES, LEVELS, ROWS, TABLE, TREE},
@@ -169,7 +169,8 @@ impl Head {
 
     fn densities(&self, file: &mut Container<impl Read + Seek>) -> Result<Vec<f16>, ReadFault> {
         let bytes = file.read(DENSITIES, 2 * self.densities as u64)?;
-        let densities: Vec<f16> = planes::join(&bytes).map(|bytes| f16::from_bits(u16::from_le_bytes(bytes))).collect();
+        let (low, high) = bytes.split_at(self.densities);
+        let densities: Vec<f16> = low.iter().zip(high).map(|(low, high)| f16::from_le_bytes([*low, *high])).collect();
         match densities.iter().find(|density| !density.is_finite() || **density <= f16::ZERO) {
             Some(density) => Err(fault(DENSITIES, density.to_string(), "a positive number")),
             None => Ok(densities),

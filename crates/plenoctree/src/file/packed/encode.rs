@@ -2,7 +2,7 @@
 
 use super::super::room::TooEven;
 use super::{
-    container, histogram, planes,
+    container, histogram,
     quantized::{Quantized, content},
     recent::Recent,
     sections::{BINS, CONSTANTS, DENSITIES, HEAD, LEVELS, ROWS, TABLE, TREE},
@@ -19,7 +19,7 @@ impl Quantized {
         let mut sections = vec![
             (HEAD, self.head()),
             (TREE, self.tree()),
-            (DENSITIES, planes::split(self.densities.iter().map(|density| density.to_bits().to_le_bytes()))),
+            (DENSITIES, [0, 1].iter().flat_map(|byte| self.densities.iter().map(|d| d.to_le_bytes()[*byte])).collect()),
             (LEVELS, streams::write_levels(levels, count)),
             (CONSTANTS, streams::write_colors(&self.colors, levels, count)),
             (TABLE, streams::write_tables(&self.tables.luma, &self.tables.chroma, others)),
