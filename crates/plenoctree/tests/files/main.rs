@@ -320,14 +320,6 @@ fn even_fields_come_back() {
     assert_eq!(read(&file).unwrap().coefficients(), field.coefficients());
 }
 
-/// One that readers would take for an attack is not written.
-#[test]
-#[ignore = "deflates three gigabytes"]
-fn larger_even_fields_are_not_written() {
-    let error = even(8, 1).write_to(Cursor::new(Vec::new())).unwrap_err();
-    assert!(matches!(error, WriteError::TooEven(_)), "{error}");
-}
-
 /// A field that cannot be written leaves the old file unchanged, and no other file.
 #[test]
 fn a_failed_write_loses_nothing() {
