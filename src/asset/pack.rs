@@ -42,13 +42,16 @@ impl AssetSaver for PackSaver {
         writer: &mut Writer,
         asset: SavedAsset<'_, '_, PlenOctree>,
         settings: &PackSettings,
-        _path: AssetPath<'_>,
+        path: AssetPath<'_>,
     ) -> Result<LoadSettings, BevyError> {
-        let (field, settings) = (asset.get().clone(), settings.clone());
+        let (field, settings, path) = (asset.get().clone(), settings.clone(), path.to_string());
         // If the app exits, the task is dropped, which cancels the work.
         let progress = Arc::new(Progress::default());
         let guard = CancelOnDrop(progress.clone());
-        let pack = move || on_cores(|| Packed::new(&field, &settings, &progress));
+        let pack = move || {
+            field.density_losses().for_each(|loss| warn!("{path}: {loss}"));
+            on_cores(|| Packed::new(&field, &settings, &progress))
+        };
         let packed = background::spawn(pack).await?;
         drop(guard);
         writer.write_all(packed.bytes()).await?;

@@ -1,7 +1,5 @@
 //! Baking: turns a procedural volume into a field like a trained one.
 
-use std::f64::consts::PI;
-
 use glam::{DVec3, UVec3};
 use half::f16;
 use rayon::prelude::*;
@@ -9,6 +7,7 @@ use rayon::prelude::*;
 use crate::{
     cholesky,
     field::{Basis, Cell, Frame, InvalidField, MAX_DEPTH, PlenOctree, UpAxis},
+    sphere::spiral,
 };
 
 /// Settings of [`bake`].
@@ -26,7 +25,7 @@ pub struct BakeSettings {
     /// Axis of the field's frame that points up. [`UpAxis::Z`] by default.
     pub up: UpAxis,
     /// Density, per world unit, below which a cell is empty. 1e-2 by default, which is also the default threshold of
-    /// [`LoadSettings`](crate::LoadSettings) in boxes of up to 100 units. Negative values and NaN count as 0. Cells
+    /// [`LoadSettings`](crate::LoadSettings) in boxes of up to 10 units. Negative values and NaN count as 0. Cells
     /// whose density float32 rounds to 0 are always empty.
     pub min_density: f64,
     /// Number of points along each axis of a cell over which density is averaged. 1 to 64, 2 by default. Values out of
@@ -256,7 +255,7 @@ impl Projection {
             return Err(too_few);
         }
         let mut columns: Vec<(DVec3, [f64; 25])> =
-            sphere(directions).map(|direction| (direction, basis.evaluate(direction))).collect();
+            spiral(directions, [1.0, -1.0]).map(|direction| (direction, basis.evaluate(direction))).collect();
         let mut gram = vec![0.0; functions * functions];
         for (_, y) in &columns {
             for i in 0..functions {
@@ -290,17 +289,6 @@ impl Projection {
         let round = |k: f64| if step > 0.0 { (k / step).round() * step } else { k };
         coefficients.extend(sums.iter().flat_map(|sums| &sums[..functions]).map(|&k| f16::from_f64(round(k))));
     }
-}
-
-/// Returns `count` directions spread evenly over the sphere: a Fibonacci spiral.
-fn sphere(count: u32) -> impl Iterator<Item = DVec3> {
-    let golden = PI * (3.0 - 5.0_f64.sqrt());
-    (0..count).map(move |index| {
-        let z = 1.0 - (2.0 * f64::from(index) + 1.0) / f64::from(count);
-        let r = (1.0 - z * z).sqrt();
-        let phi = golden * f64::from(index);
-        DVec3::new(r * phi.cos(), r * phi.sin(), z)
-    })
 }
 
 #[cfg(test)]

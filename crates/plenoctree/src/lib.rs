@@ -6,7 +6,7 @@
 //! | [`sampling`] | radiance sampling: how much of each color is visible from outside |
 //! | [`palette`] | palette extraction, palette files, and the labels blended from a palette |
 //! | [`camera`] | pinhole cameras |
-//! | [`random`], [`srgb`] | random numbers that are the same everywhere; the encoding of sRGB |
+//! | [`random`], [`sphere`], [`srgb`] | random numbers that are the same everywhere; even directions; the encoding of sRGB |
 //! | [`mod@reference`] | rendering, sampling and posterization in float64, as a reference for faster code |
 //!
 //! This crate implements the engine-free half of *Recolorable Posterization of Volumetric Radiance Fields Using
@@ -51,13 +51,14 @@ mod ray_cast;
 pub mod reference;
 pub mod sampling;
 mod save;
+pub mod sphere;
 pub mod srgb;
 
 #[cfg(feature = "bake")]
 pub use bake::{BakeError, BakeSettings, bake};
 pub use field::{Activation, Basis, Cell, Codebook, Frame, InvalidField, LeafCell, MAX_DEPTH, PlenOctree, UpAxis};
 #[cfg(feature = "write")]
-pub use file::WriteError;
+pub use file::{DensityLoss, TooEven, WriteError};
 pub use file::{LoadSettings, ReadError, ReadFault};
 pub use lod::Faintness;
 pub use march::Crossing;

@@ -4,12 +4,13 @@ mod common;
 
 use std::{
     fs,
+    path::Path,
     process::{Command, Stdio},
 };
 
 use common::{ball, fail, folder, succeed, text};
 use plenoctree::{LoadSettings, PlenOctree, palette::Palette};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 #[test]
 fn a_field_is_described() {
@@ -30,6 +31,26 @@ fn a_field_is_described() {
     assert_eq!(json["density"]["max"], 50.0);
     assert_eq!(json["bounds"]["max"][0].as_f64(), read.bounds().map(|(_, high)| high.x));
     assert_eq!(json["gpu_bytes"].is_u64(), cfg!(feature = "bevy"));
+}
+
+/// What a packed field records, which other files do not.
+#[test]
+fn records_are_described() {
+    let folder = folder("info_records");
+    let field = ball(&folder);
+    let json = |path: &Path| -> Value {
+        let json: Value = serde_json::from_str(&succeed(&["info", "--json", text(path)])).unwrap();
+        json!([json["activation"], json["up"], json["records_histograms"]])
+    };
+    assert_eq!(json(&field), json!(["Identity", "z", false]));
+    let options = ["--exact", "--views", "0", "--record-histograms", "--activation", "shifted-relu", "--up", "y"];
+    succeed(&[&["pack", text(&field)], &options[..]].concat());
+    let packed = folder.join("ball.plenoctree");
+    assert_eq!(json(&packed), json!(["ShiftedRelu", "y", true]));
+    let printed = succeed(&["info", text(&packed)]);
+    for expected in ["activation    ShiftedRelu", "up axis       y", "histograms    recorded"] {
+        assert!(printed.contains(expected), "{printed}");
+    }
 }
 
 #[test]

@@ -90,8 +90,12 @@ fn what_cannot_be_packed_is_an_error() {
     let message = fail(&["pack", text(&source), "--out", text(&notes)]);
     assert!(message.contains("expected a file that ends in .plenoctree"), "{message}");
     assert_eq!(std::fs::read(&notes).unwrap(), b"notes");
-    let message = fail(&["pack", text(&source), "--exact", "--hidden", "1", "--views", "0"]);
-    assert!(message.contains("choose a smaller pack --hidden"), "{message}");
+    let haze = folder.join("haze.npz");
+    let (min, max) = (glam::DVec3::splat(-0.1), glam::DVec3::splat(0.1));
+    let settings = BakeSettings { depth: 2, min, max, basis: Basis::Rgba, directions: 8, ..Default::default() };
+    bake(&settings, |_| 0.02, |_| |_| glam::DVec3::ONE).unwrap().write(&haze).unwrap();
+    let message = fail(&["pack", text(&haze), "--exact", "--views", "0"]);
+    assert!(message.contains("haze.npz: no leaf adds an opacity of 0.004"), "{message}");
     let packed = folder.join("ball.plenoctree");
     succeed(&["pack", text(&source), "--views", "0"]);
     // Packing again would replace it.

@@ -1,11 +1,9 @@
 //! Cameras all around something.
 
-use std::f64::consts::PI;
-
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DVec3, Vec3Swizzles};
 
 use super::PinholeCamera;
-use crate::field::UpAxis;
+use crate::{field::UpAxis, sphere::spiral};
 
 /// A spiral of cameras around a ball, which all look at its center, a golden angle apart. They are spread evenly.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,17 +27,12 @@ pub struct Spiral {
 impl Spiral {
     /// Returns `count` cameras with images of `size` x `size` pixels, in the order of the spiral.
     pub fn cameras(self, count: u32, size: u32) -> impl Iterator<Item = PinholeCamera> {
-        let golden = PI * (3.0 - 5.0f64.sqrt());
-        let [first, last] = self.elevations;
-        (0..count).map(move |index| {
-            let height = first + (last - first) * (f64::from(index) + 0.5) / f64::from(count);
-            let (level, turn) = ((1.0 - height * height).sqrt(), golden * f64::from(index));
-            let (x, y) = (level * turn.cos(), level * turn.sin());
+        spiral(count, self.elevations).enumerate().map(move |(index, outward)| {
             let (up, outward) = match self.up {
-                UpAxis::Y => (DVec3::Y, DVec3::new(x, height, y)),
-                UpAxis::Z => (DVec3::Z, DVec3::new(x, y, height)),
+                UpAxis::Y => (DVec3::Y, outward.xzy()),
+                UpAxis::Z => (DVec3::Z, outward),
             };
-            let multiple = self.distances.get(index as usize % self.distances.len().max(1)).unwrap_or(&1.0);
+            let multiple = self.distances.get(index % self.distances.len().max(1)).unwrap_or(&1.0);
             let distance = multiple * self.radius / (0.5 * self.fov).sin();
             let camera = PinholeCamera::new(size, size, self.fov, DMat4::IDENTITY);
             camera.looking_at(self.center + distance * outward, self.center, up)

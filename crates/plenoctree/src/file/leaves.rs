@@ -63,7 +63,6 @@ fn read_rows(
     keep: impl Fn(f32) -> bool,
 ) -> Result<(Vec<f32>, Vec<f16>), ReadFault> {
     let fault = array.dtype_fault(REALS);
-    let room = array.room();
     let mut density = zeros(tree.leaves)?;
     let mut rows = Vec::new();
     with_real!(array.dtype(), T => array.stream::<T>(values, tree.end() * values, |first, numbers| {
@@ -71,7 +70,6 @@ fn read_rows(
         if let (Some(leaf), Some((&sigma, coefficients))) = (tree.leaf(cell), numbers.split_last()) {
             density[leaf] = finite_density("data", sigma, cell)?;
             if keep(density[leaf]) {
-                room.check(2 * (rows.len() + coefficients.len()) as u64)?;
                 let row = rows.len();
                 rows.extend(coefficients.iter().map(|number| number.to_f16().unwrap_or(f16::NAN)));
                 // Checking a whole row is faster than checking its numbers one by one.
@@ -94,7 +92,6 @@ fn read_rows(
 fn read_columns(array: Array, values: usize, tree: &Tree) -> Result<Vec<f16>, ReadFault> {
     let fault = array.dtype_fault(REALS);
     let count = values - 1;
-    array.room().check(2 * (tree.leaves * count) as u64)?;
     let mut coefficients = zeros(tree.leaves * count)?;
     with_real!(array.dtype(), T => array.stream::<T>(1, tree.end() * values, |index, number| {
         let (cell, place) = (index / values, index % values);
@@ -126,7 +123,8 @@ fn move_rows(rows: &mut [f16], width: usize, mut targets: Vec<usize>) {
 }
 
 fn finite_density(key: &'static str, sigma: impl Real, cell: usize) -> Result<f32, ReadFault> {
-    let density = sigma.to_f32();
+    // svox stores half floats, in which larger densities become infinite.
+    let density = if sigma.to_f64() == f64::INFINITY { f16::MAX.to_f32() } else { sigma.to_f32() };
     let finite = density.is_finite().then_some(density);
     finite.ok_or_else(|| number_fault(key, sigma, cell, "a density within the range of float32"))
 }

@@ -6,18 +6,12 @@ use zip::{CompressionMethod, ZipArchive, read::ZipFile, result::ZipError};
 
 use super::error::{ReadFault, printable};
 use super::npy::{Dtype, Header, Number};
+use super::room::room;
 
 /// Maximum number of members in an archive. A PlenOctree has a dozen.
 const MAX_MEMBERS: u64 = 4096;
-/// Maximum compression ratio of a large array. Trained fields stay below 10. The only smooth synthetic fields that
-/// exceed the limit are too small to be checked.
-const MAX_RATIO: u64 = 200;
 /// Maximum compression ratio that deflate can reach.
 const DEFLATE_RATIO: u64 = 1032;
-/// Size above which a streamed array counts as large, in bytes.
-const LARGE: u64 = 1 << 30;
-/// Size above which an array in memory counts as large, in bytes.
-const LARGE_IN_MEMORY: u64 = 128 << 20;
 /// Maximum size of a text, in bytes.
 const MAX_TEXT: u64 = 1 << 10;
 /// Number of elements that are converted at a time.
@@ -78,7 +72,7 @@ impl<R: Read + Seek> Archive<R> {
 
     /// Returns the memory limit for data expanded from the array `key`, relative to the size of the whole file.
     pub fn room(&self, key: &'static str) -> Room {
-        Room { key, packed: self.bytes }
+        Room { key, file: self.bytes }
     }
 
     /// Opens the array `key`. `meaning` describes its content in errors.
@@ -113,7 +107,7 @@ impl<R: Read + Seek> Archive<R> {
         if size > packed.saturating_mul(if stored { 1 } else { DEFLATE_RATIO }) {
             return Err(bomb(key, size, packed));
         }
-        check_ratio(key, size, packed, LARGE)?;
+        Room { key, file: bytes }.check(size)?;
         let mut reader = member.take(size);
         let (header, length) = Header::read(&mut reader).map_err(|error| member_fault(key, error))?;
         let content = header.elements().and_then(|count| count.checked_mul(header.dtype.size.max(1)));
@@ -124,7 +118,7 @@ impl<R: Read + Seek> Archive<R> {
                 expected: format!("a shape that fits in {size} bytes"),
             });
         }
-        Ok(Array { key, header, packed, size, reader })
+        Ok(Array { key, header, file: bytes, size, reader })
     }
 }
 
@@ -151,20 +145,15 @@ impl<R: Read + Seek> Archive<R> {
 #[derive(Clone, Copy)]
 pub(super) struct Room {
     key: &'static str,
-    /// Size in the file, in bytes.
-    packed: u64,
+    /// Size of the file, in bytes.
+    file: u64,
 }
 
 impl Room {
-    /// Returns an error if `bytes` is so much more than the size in the file that the file is likely a zip bomb.
+    /// Returns an error if `bytes` is so much more than the size of the file that the file is likely a zip bomb.
     pub fn check(self, bytes: u64) -> Result<(), ReadFault> {
-        check_ratio(self.key, bytes, self.packed, LARGE_IN_MEMORY)
+        if bytes <= room(self.file) { Ok(()) } else { Err(bomb(self.key, bytes, self.file)) }
     }
-}
-
-/// Returns an error if an array is so large and so highly compressed that it is likely a zip bomb.
-fn check_ratio(key: &'static str, size: u64, packed: u64, large: u64) -> Result<(), ReadFault> {
-    if size > large && size > packed.saturating_mul(MAX_RATIO) { Err(bomb(key, size, packed)) } else { Ok(()) }
 }
 
 fn bomb(key: &'static str, size: u64, packed: u64) -> ReadFault {
@@ -244,8 +233,8 @@ fn check_directory(reader: &mut (impl Read + Seek)) -> Result<u64, ReadFault> {
 pub(super) struct Array<'a> {
     key: &'static str,
     header: Header,
-    /// Size in the file, in bytes.
-    packed: u64,
+    /// Size of the file, in bytes.
+    file: u64,
     /// Size that the directory claims, in bytes.
     size: u64,
     /// Reads no more than the claimed size.
@@ -290,7 +279,7 @@ impl Array<'_> {
 
     /// Returns the memory limit of the array.
     pub fn room(&self) -> Room {
-        Room { key: self.key, packed: self.packed }
+        Room { key: self.key, file: self.file }
     }
 
     /// Reads the only string in the array, from bytes or Unicode.

@@ -105,7 +105,6 @@ fn read_codebook(archive: &mut Archive<impl Read + Seek>, functions: usize) -> R
         _ => return Err(array.shape_fault(format!("[{functions}, rows, 3]"))),
     };
     let fault = array.dtype_fault(REALS);
-    array.room().check(6 * (functions * rows) as u64)?;
     let mut codebook = vec![[f16::ZERO; 3]; functions * rows];
     with_real!(array.dtype(), T => array.stream::<T>(3, 3 * codebook.len(), |first, numbers| {
         for (number, value) in codebook.as_flattened_mut()[first..].iter_mut().zip(numbers) {

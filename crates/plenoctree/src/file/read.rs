@@ -44,7 +44,7 @@ pub struct LoadSettings {
     /// Axis of the field's frame that points up. `None`, the default, selects the one that a packed field records, and
     /// [`UpAxis::Z`] for other files.
     pub up: Option<UpAxis>,
-    /// Density below which leaves are dropped: per world unit or, if the box is more than 100 units wide, per tenth of
+    /// Density below which leaves are dropped: per world unit or, if the box is more than 10 units wide, per tenth of
     /// its longest side. Otherwise, fields in small units, such as millimeters, would lose their faint cells.
     /// 0.01 by default. Leaves whose density is 0 or negative are always dropped. NaN is an error.
     pub density_threshold: f32,
@@ -60,7 +60,7 @@ impl LoadSettings {
     /// Returns the density per world unit below which leaves are dropped, for a field of a frame.
     pub fn density_threshold_in(&self, frame: Frame) -> f32 {
         let side = frame.scale.recip().max_element();
-        let length = if side > 100.0 { 0.1 * side } else { 1.0 };
+        let length = (0.1 * side).max(1.0);
         (f64::from(self.density_threshold) / length) as f32
     }
 }
@@ -75,7 +75,8 @@ impl PlenOctree {
     /// Arrays of `.npz` files are streamed, and only the leaves that are kept take up memory. Nodes and leaves are
     /// sorted in depth-first order, and nodes that the root does not reach are dropped. Arrays may be in C or Fortran
     /// order, with either byte order and any number type that converts without loss of meaning. Coefficients are
-    /// rounded to float16 and densities to float32.
+    /// rounded to float16 and densities to float32. Infinite densities, which svox stores for those beyond 65504, are
+    /// read as 65504.
     ///
     /// # Errors
     ///

@@ -9,6 +9,7 @@ use half::f16;
 use npyz::{AutoSerialize, DType, NpyWriter, Serialize, WriteOptions, WriterBuilder};
 use zip::write::{FileOptions, ZipWriter};
 
+use super::room::TooEven;
 use crate::{field::PlenOctree, save::replace_file};
 
 /// Size of an array, in bytes, above which its zip entry uses 64-bit sizes. It is less than the 4 GiB of 32-bit sizes
@@ -34,6 +35,9 @@ pub enum WriteError {
         /// The number.
         found: f64,
     },
+    /// The file would be too small for what it holds.
+    #[error(transparent)]
+    TooEven(#[from] TooEven),
 }
 
 impl PlenOctree {
@@ -50,7 +54,8 @@ impl PlenOctree {
     ///
     /// # Errors
     ///
-    /// Returns an error if the frame does not fit in float32, or if writing fails. An existing file is then unchanged.
+    /// Returns an error if the frame does not fit in float32, if so much of a large field is the same that readers would
+    /// reject the file, or if writing fails. An existing file is then unchanged.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), WriteError> {
         replace_file(path.as_ref(), |file| self.write_to(file))
     }
@@ -70,7 +75,7 @@ impl PlenOctree {
         archive.array("offset", &[3], offset)?;
         archive.begin("data", f16::default_dtype(), &[nodes, 2, 2, 2, values as u64], |data| self.write_cells(data))?;
         archive.text("data_format", self.basis().name())?;
-        Ok(archive.finish()?)
+        archive.finish(2 * 8 * nodes * values as u64)
     }
 
     /// Returns the offset from each cell's node to its child node, or 0 for cells without one.
@@ -151,11 +156,12 @@ impl<W: Write + Seek> Archive<W> {
         Self(ManuallyDrop::new(ZipWriter::new(writer)))
     }
 
-    /// Ends the archive.
-    pub fn finish(mut self) -> io::Result<()> {
-        let mut writer = self.0.finish()?;
+    /// Ends the archive, of which readers make this many bytes.
+    pub fn finish(mut self, content: u64) -> Result<(), WriteError> {
+        let mut writer = self.0.finish().map_err(io::Error::from)?;
         drop(ManuallyDrop::into_inner(self.0));
-        writer.flush()
+        writer.flush()?;
+        Ok(TooEven::check(content, writer.stream_position()?)?)
     }
 
     /// Adds the tree, the number of values per leaf, and svox's own bookkeeping.

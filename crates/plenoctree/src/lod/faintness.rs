@@ -12,6 +12,9 @@ const RAYS: usize = 64;
 /// Number of density bins. A bin is a quarter of an octave of optical depth across a finest cell, from `2^LEAST` up.
 const BINS: usize = 4 * 32;
 const LEAST: f64 = -24.0;
+/// Number of rays along each side of the patches that [`lost`] looks at: an eighth of the side of the box.
+#[cfg(feature = "write")]
+const PATCH: usize = RAYS / 8;
 /// Transmittance below which a ray stops.
 const STOP: f64 = 0.01;
 
@@ -29,20 +32,13 @@ impl Faintness {
     pub fn measure(field: &PlenOctree) -> Self {
         let width = (field.frame().scale * f64::from(1u32 << field.depth())).element_product().cbrt().recip();
         let mut lost = [0.0; BINS];
-        let Some((low, high)) = field.bounds() else {
-            return Self { width, lost };
+        let bin = |leaf: u32| {
+            let density = f64::from(field.densities()[leaf as usize]);
+            (4.0 * ((density * width).log2() - LEAST)).clamp(0.0, (BINS - 1) as f64) as usize
         };
         let rays = (0..6 * RAYS * RAYS).into_par_iter().filter_map(|ray| {
             let (side, at) = (ray / (RAYS * RAYS), ray % (RAYS * RAYS));
-            let across = (DVec2::new((at % RAYS) as f64, (at / RAYS) as f64) + 0.5) / RAYS as f64;
-            let (axis, backward) = (side % 3, side >= 3);
-            let mut place = DVec3::ZERO;
-            (place[(axis + 1) % 3], place[(axis + 2) % 3]) = across.into();
-            // A little outside the box, because rays start at their origin.
-            place[axis] = if backward { 1.01 } else { -0.01 };
-            let mut direction = DVec3::ZERO;
-            direction[axis] = if backward { -1.0 } else { 1.0 };
-            opacity_by_bin(field, width, low + place * (high - low), direction)
+            opacity_by_bin(field, [side, at % RAYS, at / RAYS], bin)
         });
         let (sums, count) = rays.map(|ray| (ray, 1usize)).reduce(
             || ([0.0; BINS], 0),
@@ -67,16 +63,47 @@ impl Faintness {
     }
 }
 
-/// Returns the squared opacity that leaves up to each bin add to a ray, or `None` if the ray hits no leaf.
-fn opacity_by_bin(field: &PlenOctree, width: f64, origin: DVec3, direction: DVec3) -> Option<[f64; BINS]> {
-    let mut added = [0.0; BINS];
+/// Returns the opacity that rays lose if the leaves up to each of `N` bins are removed: the root mean square over rays
+/// side by side, where it is largest.
+#[cfg(feature = "write")]
+pub(crate) fn lost<const N: usize>(field: &PlenOctree, bin: impl Fn(u32) -> usize + Sync) -> [f64; N] {
+    let patches = RAYS / PATCH;
+    let patch = |patch: usize| {
+        let [side, x, y] = [patch / (patches * patches), patch % patches, patch / patches % patches];
+        let mut sums = [0.0; N];
+        for ray in 0..PATCH * PATCH {
+            let at = [side, x * PATCH + ray % PATCH, y * PATCH + ray / PATCH];
+            let squares = opacity_by_bin(field, at, &bin).unwrap_or([0.0; N]);
+            sums.iter_mut().zip(squares).for_each(|(sum, square)| *sum += square);
+        }
+        sums.map(|sum| (sum / (PATCH * PATCH) as f64).sqrt())
+    };
+    let all = (0..6 * patches * patches).into_par_iter().map(patch);
+    all.reduce(|| [0.0; N], |a, b| std::array::from_fn(|bin| a[bin].max(b[bin])))
+}
+
+/// Returns the squared opacity that leaves up to each of `N` bins add to a ray, or `None` if the ray hits no leaf. The
+/// ray starts at the side of the box around the leaves, 0 to 5, and at the place in it, and is parallel to an axis.
+fn opacity_by_bin<const N: usize>(
+    field: &PlenOctree,
+    [side, x, y]: [usize; 3],
+    bin: impl Fn(u32) -> usize,
+) -> Option<[f64; N]> {
+    let (low, high) = field.bounds()?;
+    let (axis, backward) = (side % 3, side >= 3);
+    let mut place = DVec3::ZERO;
+    (place[(axis + 1) % 3], place[(axis + 2) % 3]) = ((DVec2::new(x as f64, y as f64) + 0.5) / RAYS as f64).into();
+    // A little outside the box, because rays start at their origin.
+    place[axis] = if backward { 1.01 } else { -0.01 };
+    let mut direction = DVec3::ZERO;
+    direction[axis] = if backward { -1.0 } else { 1.0 };
+    let mut added = [0.0; N];
     let (mut transmittance, mut met) = (1.0f64, false);
-    field.march(origin, direction, |crossing| {
+    field.march(low + place * (high - low), direction, |crossing| {
         met = true;
         let density = f64::from(field.densities()[crossing.leaf as usize]);
         let opacity = -(-density * crossing.length).exp_m1();
-        let bin = (4.0 * ((density * width).log2() - LEAST)).clamp(0.0, (BINS - 1) as f64) as usize;
-        added[bin] += transmittance * opacity;
+        added[bin(crossing.leaf)] += transmittance * opacity;
         transmittance *= 1.0 - opacity;
         if transmittance < STOP { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });

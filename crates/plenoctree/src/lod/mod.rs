@@ -5,3 +5,5 @@ mod faintness;
 mod thinned;
 
 pub use faintness::Faintness;
+#[cfg(feature = "write")]
+pub(crate) use faintness::lost;

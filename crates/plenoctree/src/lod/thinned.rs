@@ -7,7 +7,7 @@ impl PlenOctree {
     /// rays cross fewer leaves. It may be less deep. NaN leaves nothing out, as 0 does.
     ///
     /// [`LoadSettings::density_threshold`](crate::LoadSettings::density_threshold) has the same effect on a file, in boxes
-    /// of up to 100 units.
+    /// of up to 10 units.
     pub fn thinned(&self, density_threshold: f32) -> Self {
         // Ignores NaN.
         let density_threshold = density_threshold.max(0.0);

@@ -90,9 +90,9 @@ struct Grid {
     shape: RuntimeShape<u32, 3>,
     size: IVec3,
     solid: Vec<f32>,
-    /// The opacity of each cube along each axis, in steps of 1/65535, as if its leaves were side by side. That of a
-    /// thin wall is greater than its solidity.
-    across: Vec<[u16; 3]>,
+    /// The opacity of each cube along each axis, as if its leaves were side by side. That of a thin wall is greater than
+    /// its solidity.
+    across: Vec<[f32; 3]>,
     /// The mean optical depth of each cube.
     depth: Vec<f32>,
 }
@@ -105,7 +105,7 @@ impl Grid {
         let shape = RuntimeShape::<u32, 3>::new(size.to_array());
         let count = shape.size() as usize;
         let origin = low + (0.5 - f64::from(PADDING)) * cell_size;
-        let (solid, across, depth) = (vec![0.0; count], vec![[0; 3]; count], vec![0.0; count]);
+        let (solid, across, depth) = (vec![0.0; count], vec![[0.0; 3]; count], vec![0.0; count]);
         Self { origin, cell_size, shape, size: size.as_ivec3(), solid, across, depth }
     }
 
@@ -140,7 +140,7 @@ impl Grid {
                         for (axis, across) in self.across[index].iter_mut().enumerate() {
                             let area = volume / part[axis].max(1e-9);
                             let opacity = -area * (-density * part[axis]).exp_m1();
-                            *across = across.saturating_add((65535.0 * opacity).round() as u16);
+                            *across += opacity as f32;
                         }
                     }
                 }
@@ -152,9 +152,8 @@ impl Grid {
     fn fill(&mut self, opacity: f32) {
         // Leaves behind one another are less opaque than side by side, and no cube is more opaque than an even one.
         let is_thick = |depth: &f32| -(-depth).exp_m1() >= opacity;
-        let is_wall = |(across, depth): (&[u16; 3], &f32)| {
-            is_thick(depth) && across.iter().any(|across| f32::from(*across) >= 65535.0 * opacity)
-        };
+        let is_wall =
+            |(across, depth): (&[f32; 3], &f32)| is_thick(depth) && across.iter().any(|across| *across >= opacity);
         let is_wall: Vec<bool> = self.across.iter().zip(&self.depth).map(is_wall).collect();
         let mut outside = vec![false; self.solid.len()];
         outside[0] = true;
@@ -326,6 +325,15 @@ mod tests {
                 .sum();
             assert!((7.0..12.0).contains(&area), "{area} in cells of {cell_size}");
         }
+    }
+
+    /// A soft plate of many leaves, each of which adds next to nothing to a cube.
+    #[test]
+    fn soft_walls_have_surfaces_in_large_cubes() {
+        let settings = BakeSettings { depth: 7, basis: Basis::Rgba, directions: 8, ..Default::default() };
+        let is_plate = |at: DVec3| at.x.abs() < 0.9 && at.y.abs() < 0.9 && (0.0..0.4).contains(&at.z);
+        let plate = bake(&settings, |at| if is_plate(at) { 1.8 } else { 0.0 }, |_| |_| DVec3::ONE).unwrap();
+        assert!(!plate.surface_mesh(0.5, 1.0).unwrap().triangles.is_empty());
     }
 
     /// Matter that is not opaque enough in any direction is no wall, however many leaves a cube has, or touches.

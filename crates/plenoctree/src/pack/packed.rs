@@ -13,7 +13,8 @@ use super::{
 };
 use crate::{
     field::{Frame, PlenOctree, Tables, from_rgb},
-    file::{Quantized, WriteError, check_frame},
+    file::{Quantized, TooEven, WriteError, check_frame},
+    lod::lost,
     sampling::{Canceled, InvalidSetting, Progress, Seen, Visibility, visibility},
     save::replace_file,
 };
@@ -34,10 +35,23 @@ pub enum PackError {
         /// The field's frame.
         found: Frame,
     },
+    /// The file would be too small for what it holds.
+    #[error(transparent)]
+    TooEven(#[from] TooEven),
+    /// The field is so faint that nothing of it would be left.
+    #[error(
+        "no leaf adds an opacity of {hidden} to a ray from outside, so nothing is left to pack; choose a smaller `hidden`"
+    )]
+    Faint {
+        /// [`PackSettings::hidden`].
+        hidden: f32,
+    },
 }
 
 /// A typical difference between the color of a leaf and the color behind it.
 const CONTRAST: f32 = 0.16;
+/// The opacity that rays side by side may lose with the leaves that are dropped, on average.
+const MOST_LOST: f64 = 0.02;
 
 /// A packed field: the content of a `.plenoctree` file.
 #[derive(Clone, Debug)]
@@ -55,24 +69,27 @@ impl Packed {
     ///
     /// # Errors
     ///
-    /// Returns an error if a setting is out of range, if the field's cube does not fit in float32, or if packing is
+    /// Returns an error if a setting is out of range, if the field's cube does not fit in float32, if nothing would be
+    /// left of its leaves, if so much of a large field is the same that readers would reject the file, or if packing is
     /// canceled.
     pub fn new(field: &PlenOctree, settings: &PackSettings, progress: &Progress) -> Result<Self, PackError> {
         settings.validate()?;
         let found = field.frame();
         check_frame(["offset", "scale"], found).map_err(|_| PackError::Frame { found })?;
-        let Visibility { leaves: seen, directions } = visibility(field, settings.below.into(), progress)?;
-        let keep = |leaf: u32| settings.hidden == 0.0 || seen[leaf as usize].most >= settings.hidden;
-        let kept = field.retain(keep);
+        let Visibility { leaves: mut seen, directions } = visibility(field, settings.below.into(), progress)?;
+        let hidden = least(field, &seen, settings.hidden);
+        let kept = field.retain(|leaf| seen[leaf as usize].most >= hidden);
+        seen.retain(|seen| seen.most >= hidden);
+        if kept.leaves() == 0 && field.leaves() > 0 {
+            return Err(PackError::Faint { hidden });
+        }
         let metric = Metric::new(&directions, field.basis().functions());
-        let seen: Vec<Seen> =
-            (0..).zip(seen.iter().cloned()).filter(|(leaf, _)| keep(*leaf)).map(|(_, seen)| seen).collect();
         let recorded = match settings.record_histograms {
             true => field.clone().recording_histograms(progress)?.recorded().cloned(),
             false => None,
         };
         let quantized = Quantized { recorded, ..quantize(&kept, seen, &metric, settings, progress)? };
-        let (bytes, sections) = quantized.encode();
+        let (bytes, sections) = quantized.encode()?;
         Ok(Self { field: quantized.field(), bytes, sections })
     }
 
@@ -101,6 +118,21 @@ impl Packed {
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), WriteError> {
         replace_file(path.as_ref(), |file| Ok(file.write_all(&self.bytes)?))
     }
+}
+
+/// Returns what a leaf must add to a ray to be kept: `hidden`, or a quarter of it, and so on, until all leaves that are
+/// dropped together matter little: many faint ones can be a fog.
+fn least(field: &PlenOctree, seen: &[Seen], hidden: f32) -> f32 {
+    const QUARTERS: usize = 15;
+    let least = |quarters: usize| hidden * 0.25f32.powi(quarters as i32);
+    // The last bin has the leaves that are kept anyway, and those that no ray reaches, which are always dropped.
+    let bin = |leaf: u32| {
+        let most = seen[leaf as usize].most;
+        if most == 0.0 { QUARTERS } else { (1..=QUARTERS).rev().find(|bin| most >= least(QUARTERS - bin)).unwrap_or(0) }
+    };
+    let lost = lost::<{ QUARTERS + 1 }>(field, bin);
+    let enough = (0..QUARTERS).find(|quarters| lost[QUARTERS - 1 - quarters] <= MOST_LOST);
+    enough.map_or(f32::from_bits(1), least)
 }
 
 /// Returns a step that is hardly smaller, such that no color in steps is on the border of two bins of a histogram. All

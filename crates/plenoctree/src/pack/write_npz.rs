@@ -57,5 +57,6 @@ fn write_quantized(field: &PlenOctree, mut writer: impl Write + Seek) -> Result<
     archive.array("quant_colors", &[functions as u64, MAX_ROWS as u64, 3], all)?;
     let map = books.iter().flat_map(|(_, rows)| leaves().map(|leaf| leaf.map_or(0, |leaf| rows[leaf])));
     archive.array("quant_map", &[functions as u64, nodes, 2, 2, 2], map)?;
-    Ok(archive.finish()?)
+    // The coefficients, or the largest array.
+    archive.finish(2 * functions as u64 * (3 * field.leaves() as u64).max(8 * nodes))
 }

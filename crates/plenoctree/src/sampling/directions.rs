@@ -20,17 +20,21 @@ pub(super) fn observers(up: UpAxis, settings: &SamplingSettings) -> Vec<Vec<DVec
         let height = lowest + (1.0 - lowest) * (row as f64 + 0.5) / (rows * m) as f64;
         let (sin, cos) = (TAU * (column as f64 + 0.5) / (columns * m) as f64).sin_cos();
         let radius = (1.0 - height * height).sqrt();
-        let z_up = DVec3::new(radius * cos, radius * sin, height);
-        match up {
-            UpAxis::Z => z_up,
-            UpAxis::Y => DVec3::new(z_up.x, z_up.z, -z_up.y),
-        }
+        upright(up, DVec3::new(radius * cos, radius * sin, height))
     };
     let cell = |cell: usize| {
         let (row, column) = (cell / columns, cell % columns);
         (0..m * m).map(|sample| ray(row * m + sample / m, column * m + sample % m)).collect()
     };
     (0..rows * columns).map(cell).collect()
+}
+
+/// Returns a vector given with z up in the field's frame.
+pub(super) fn upright(up: UpAxis, z_up: DVec3) -> DVec3 {
+    match up {
+        UpAxis::Z => z_up,
+        UpAxis::Y => DVec3::new(z_up.x, z_up.z, -z_up.y),
+    }
 }
 
 #[cfg(test)]

@@ -134,8 +134,17 @@ impl<'a> Sampler<'a> {
         blocks: Option<Blocks>,
         progress: &'a Progress,
     ) -> Result<Self, Canceled> {
+        // Infinite if the threshold is 0. Then no leaf is hidden.
+        let limit = -settings.stop_transmittance.ln();
+        Self { field, settings, point, blocks, cells: Vec::new(), limit, progress }
+            .seen_from(observers(field.up(), settings))
+    }
+
+    /// Returns the sampler with rays toward other observers, as unit vectors in the field's frame.
+    pub fn seen_from(self, observers: Vec<Vec<DVec3>>) -> Result<Self, Canceled> {
+        let Self { field, progress, .. } = self;
         let finest = f64::from(1u32 << field.depth());
-        let extent = match (&blocks, field.cell_bounds()) {
+        let extent = match (&self.blocks, field.cell_bounds()) {
             (Some(_), Some((low, high))) => high - low,
             _ => glam::UVec3::ZERO,
         };
@@ -146,11 +155,8 @@ impl<'a> Sampler<'a> {
             let paths = [Start::Center, Start::Corner].map(|start| Path::new(direction, start, extent));
             Ok(Ray { direction, basis: field.basis().evaluate(-observer), half, paths })
         };
-        let cells = observers(field.up(), settings).into_iter().map(|cell| cell.into_iter().map(ray).collect());
-        let cells = cells.collect::<Result<_, Canceled>>()?;
-        // Infinite if the threshold is 0. Then no leaf is hidden.
-        let limit = -settings.stop_transmittance.ln();
-        Ok(Self { field, settings, point, blocks, cells, limit, progress })
+        let cells = observers.into_iter().map(|cell| cell.into_iter().map(ray).collect());
+        Ok(Self { cells: cells.collect::<Result<_, Canceled>>()?, ..self })
     }
 
     fn run(&self) -> Result<Histograms, Canceled> {

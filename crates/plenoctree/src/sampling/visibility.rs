@@ -1,21 +1,25 @@
 //! Measures how visible each leaf is from all around.
 
+use glam::DVec3;
 use half::f16;
 use rayon::prelude::*;
 
 use super::{
     blocks::{Blocks, ROWS},
+    directions::upright,
     march::optical_depth,
     path::SIDE,
     progress::{Canceled, Progress},
     sample_point::SamplePoint,
-    sampler::{Sampler, Unit},
+    sampler::{BlockLeaf, Sampler, Unit},
 };
 use crate::field::{Activation, PlenOctree};
-use crate::histograms::{ObserverRegion, SamplingSettings};
+use crate::histograms::SamplingSettings;
+use crate::sphere::spiral;
 
-/// Directions form a grid of `4n x 2n` cells.
-const DIRECTIONS: usize = 3;
+/// Numbers of directions, spread evenly. The second ones are for leaves that are hidden in all of the first ones: they
+/// may be at the bottom of a hole.
+const DIRECTIONS: [u32; 2] = [72, 288];
 /// Transmittance below which a leaf counts as hidden.
 const HIDDEN: f64 = 1e-3;
 /// Opacity that a leaf must add to a ray so that its color counts.
@@ -34,7 +38,8 @@ pub(crate) struct Seen {
     /// Mean of `(T a)^2 s^2` for each channel, where `s` is the slope of the activation: a pixel's squared error per
     /// squared error of the channel's sum of harmonics.
     pub channels: [f32; 3],
-    /// The contribution of each direction to the sum of `channels`. Zeros if the leaf is not visible.
+    /// The contribution of each direction to the sum of `channels`: of the first ones, or zeros for them and then of
+    /// the second ones. Empty if the leaf is not visible.
     pub views: Vec<f16>,
 }
 
@@ -48,7 +53,7 @@ impl Seen {
 /// The visibility of all leaves.
 pub(crate) struct Visibility {
     pub leaves: Vec<Seen>,
-    /// The values of the basis functions for the views in all directions.
+    /// The values of the basis functions for the views in all directions, the first and the second ones.
     pub directions: Vec<[f32; 25]>,
 }
 
@@ -56,36 +61,34 @@ pub(crate) struct Visibility {
 ///
 /// Views from below the horizon are weighted by `below`, except for [`Seen::most`].
 pub(crate) fn visibility(field: &PlenOctree, below: f64, progress: &Progress) -> Result<Visibility, Canceled> {
-    let settings = SamplingSettings {
-        observers: ObserverRegion::Sphere,
-        directions: DIRECTIONS,
-        multisamples: 1,
-        ..SamplingSettings::default()
-    };
+    let settings = SamplingSettings::default();
     // Leaves do not hide themselves.
-    let sampler = Sampler::new(field, &settings, SamplePoint::Entry, Blocks::new(field, progress)?, progress)?;
-    let leaves: Vec<_> = field.leaf_cells().collect();
-    let units = sampler.units(&leaves)?;
-    progress.begin(leaves.len());
-    let counts: Vec<f64> = sampler
-        .cells
-        .iter()
-        .flatten()
-        .map(|ray| {
-            let observer = field.up().to_y_up() * (ray.direction / field.frame().scale);
-            if observer.y < 0.0 { below } else { 1.0 }
-        })
-        .collect();
-    let seen: Vec<Vec<(usize, Seen)>> =
-        units.par_iter().map(|unit| of_unit(&sampler, unit, &counts)).collect::<Result<_, _>>()?;
-    let mut leaves = vec![Seen::default(); leaves.len()];
-    seen.into_iter().flatten().for_each(|(leaf, seen)| leaves[leaf] = seen);
-    let directions = sampler.cells.iter().flatten().map(|ray| ray.basis.map(|y| y as f32)).collect();
+    let mut sampler = Sampler::new(field, &settings, SamplePoint::Entry, Blocks::new(field, progress)?, progress)?;
+    let mut hidden: Vec<_> = field.leaf_cells().collect();
+    let mut leaves = vec![Seen::default(); hidden.len()];
+    let mut directions = Vec::new();
+    for count in DIRECTIONS {
+        let observers: Vec<DVec3> = spiral(count, [1.0, -1.0]).map(|observer| upright(field.up(), observer)).collect();
+        let counts: Vec<f64> = observers
+            .iter()
+            .map(|observer| if (field.up().to_y_up() * *observer).y < 0.0 { below } else { 1.0 })
+            .collect();
+        sampler = sampler.seen_from(vec![observers])?;
+        progress.begin(hidden.len());
+        let before = directions.len();
+        let units = sampler.units(&hidden)?.into_par_iter();
+        let seen: Vec<Vec<(usize, Seen)>> =
+            units.map(|unit| of_unit(&sampler, &unit, before, &counts)).collect::<Result<_, _>>()?;
+        seen.into_iter().flatten().for_each(|(leaf, seen)| leaves[leaf] = seen);
+        hidden.retain(|cell| leaves[cell.leaf as usize].most == 0.0);
+        directions.extend(sampler.cells.iter().flatten().map(|ray| ray.basis.map(|y| y as f32)));
+    }
     Ok(Visibility { leaves, directions })
 }
 
-/// Returns the visibility of the leaves of a unit. `counts` are the weights of the views in each direction.
-fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<(usize, Seen)>, Canceled> {
+/// Returns the visibility of the leaves of a unit, in all directions but the first, `before` of them. `counts` are the
+/// weights of the views in each direction.
+fn of_unit(sampler: &Sampler, unit: &Unit, before: usize, counts: &[f64]) -> Result<Vec<(usize, Seen)>, Canceled> {
     sampler.progress.check()?;
     let field = sampler.field;
     let limit = -HIDDEN.ln();
@@ -94,7 +97,8 @@ fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<(usize,
     let mut tallies;
     match unit {
         Unit::Block(unit) => {
-            tallies = unit.leaves.iter().map(|leaf| Tally::new(field, leaf.leaf, leaf.size)).collect::<Vec<_>>();
+            let tally = |leaf: &BlockLeaf| Tally::new(field, leaf.leaf, leaf.size, before);
+            tallies = unit.leaves.iter().map(tally).collect::<Vec<_>>();
             let Some(blocks) = &sampler.blocks else { return Ok(Vec::new()) };
             let mut depths = [[0.0; SIDE]; ROWS];
             for (ray, count) in rays().zip(counts) {
@@ -107,7 +111,7 @@ fn of_unit(sampler: &Sampler, unit: &Unit, counts: &[f64]) -> Result<Vec<(usize,
             }
         }
         Unit::Alone(leaf) => {
-            let mut tally = Tally::new(field, leaf.leaf, leaf.size);
+            let mut tally = Tally::new(field, leaf.leaf, leaf.size, before);
             for (ray, count) in rays().zip(counts) {
                 sampler.progress.check()?;
                 let depth = optical_depth(field, *leaf, ray.direction, SamplePoint::Entry, limit);
@@ -134,7 +138,7 @@ struct Tally {
 }
 
 impl Tally {
-    fn new(field: &PlenOctree, leaf: u32, size: u32) -> Self {
+    fn new(field: &PlenOctree, leaf: u32, size: u32, before: usize) -> Self {
         Self {
             leaf: leaf as usize,
             density: f64::from(field.densities()[leaf as usize]),
@@ -142,7 +146,7 @@ impl Tally {
             most: 0.0,
             depth: 0.0,
             channels: [0.0; 3],
-            views: Vec::new(),
+            views: vec![0.0; before],
         }
     }
 
@@ -173,12 +177,13 @@ impl Tally {
 
     fn finish(self, directions: f64) -> Seen {
         let mean = |sum: f64| (sum * self.area / directions) as f32;
-        let total = self.views.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        let total = self.views.iter().sum::<f64>();
+        let views = if total > 0.0 { &self.views[..] } else { &[] };
         Seen {
             most: self.most as f32,
             depth: mean(self.depth),
             channels: self.channels.map(mean),
-            views: self.views.iter().map(|view| f16::from_f64(view / total)).collect(),
+            views: views.iter().map(|view| f16::from_f64(view / total)).collect(),
         }
     }
 }
@@ -197,8 +202,6 @@ fn slope(activation: Activation, x: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::*;
     use crate::{
         bake::{BakeSettings, bake},

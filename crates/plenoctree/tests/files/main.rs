@@ -9,8 +9,8 @@ use glam::{DVec3, UVec3};
 use half::f16;
 use npz::{Arrays, CELLS, NODES, c, example, fortran, npy};
 use plenoctree::{
-    Activation, Basis, Cell, Frame, LoadSettings, PackSettings, Packed, PlenOctree, ReadError, ReadFault, UpAxis,
-    WriteError, palette::Palette, sampling::Progress,
+    Activation, Basis, Cell, DensityLoss, Frame, LoadSettings, PackSettings, Packed, PlenOctree, ReadError, ReadFault,
+    UpAxis, WriteError, palette::Palette, sampling::Progress,
 };
 use zip::CompressionMethod;
 
@@ -252,14 +252,33 @@ fn written_densities_are_the_nearest_that_the_format_holds() {
     }
 }
 
-/// In boxes of more than 100 units, the density threshold counts per tenth of the box: what is faint is kept in any unit.
+/// Densities that files change are reported where that shows: with the same optical depths, in units that are far too
+/// large, or far too small.
+#[test]
+fn densities_that_files_change_are_reported() {
+    let losses = |density: f32, width: f64| {
+        let field = one_leaf(density, Frame::spanning(DVec3::ZERO, DVec3::splat(width)));
+        field.density_losses().collect::<Vec<_>>()
+    };
+    assert!(matches!(losses(1e6, 1e-5)[..], [DensityLoss::CutOff { .. }]));
+    assert!(matches!(losses(1e-6, 1e7)[..], [DensityLoss::Rounded { .. }]));
+    assert!([1.0, 1e6, 1e-6].iter().all(|density| losses(*density, 10.0).is_empty()));
+}
+
+/// In boxes of more than 10 units, the density threshold counts per tenth of the box: what is faint is kept in any unit,
+/// and a little larger box never changes much.
 #[test]
 fn faint_leaves_are_kept_in_small_units() {
     for (width, density, leaves) in [
         (1.0, 0.009, 0),
         (2.0, 0.009, 0),
         (2.0, 0.011, 1),
-        (99.0, 0.009, 0),
+        (10.0, 0.0099, 0),
+        (10.2, 0.0099, 1),
+        (99.0, 0.00102, 1),
+        (99.0, 0.001, 0),
+        (101.0, 0.001, 1),
+        (101.0, 0.00098, 0),
         (2000.0, 0.009, 1),
         (2000.0, 5.1e-5, 1),
         (2000.0, 4.9e-5, 0),
@@ -277,6 +296,28 @@ fn frames_beyond_the_format_are_not_written() {
     let frame = Frame { offset: DVec3::splat(-1e200), scale: DVec3::ONE };
     let error = one_leaf(1.0, frame).write_to(Cursor::new(Vec::new())).unwrap_err();
     assert!(matches!(error, WriteError::Frame { key: "offset", .. }), "{error}");
+}
+
+/// A field of one color, whose tree is full. At the deepest level, only the first `cells` of each node are leaves.
+fn even(depth: u32, cells: usize) -> PlenOctree {
+    let last = 1 << (3 * (depth - 1));
+    let above = (last - 1) / 7;
+    let divided = |node: usize| std::array::from_fn(|cell| Cell::node((8 * node + 1 + cell) as u32));
+    let leaf = |node: usize, cell| if cell < cells { Cell::leaf((node * cells + cell) as u32) } else { Cell::EMPTY };
+    let nodes = (0..above).map(divided).chain((0..last).map(|node| std::array::from_fn(|cell| leaf(node, cell))));
+    let (nodes, leaves) = (nodes.collect(), last * cells);
+    let (frame, basis) = (Frame::spanning(DVec3::ZERO, DVec3::ONE), Basis::Sh25);
+    let coefficients = vec![f16::ONE; leaves * basis.coefficients()];
+    PlenOctree::new(frame, basis, Activation::Sigmoid, UpAxis::Z, nodes, vec![50.0; leaves], coefficients).unwrap()
+}
+
+/// A field that is far larger than its file, because all of it is the same, is read.
+#[test]
+fn even_fields_come_back() {
+    let field = even(7, 8);
+    let file = written(&field);
+    assert!(50 * file.len() < 2 * field.coefficients().len());
+    assert_eq!(read(&file).unwrap().coefficients(), field.coefficients());
 }
 
 /// A field that cannot be written leaves the old file unchanged, and no other file.

@@ -5,7 +5,7 @@ mod sections;
 
 use std::io::Cursor;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use plenoctree::{
     Activation, BakeSettings, Basis, LoadSettings, PackSettings, Packed, PlenOctree, ReadError, ReadFault, UpAxis,
     bake,
@@ -208,6 +208,66 @@ fn only_what_is_seen_is_kept() {
     assert_eq!(pack(&field, &PackSettings { hidden: 0.0, ..Default::default() }).field().leaves(), all);
 }
 
+/// Of a fog, a wisp of smoke above a solid, and a veil in front of it, no leaf is opaque, but all of them are kept. A
+/// haze that nobody sees is an error, not an empty field.
+#[test]
+fn fogs_and_wisps_are_kept() {
+    let settings = BakeSettings { depth: 6, basis: Basis::Rgba, min_density: 0.0, directions: 8, ..Default::default() };
+    let bake = |density: &(dyn Fn(DVec3) -> f64 + Sync)| bake(&settings, density, |_| |_| DVec3::ONE).unwrap();
+    let solid = |at: DVec3| if at.length() < 0.3 { 1000.0 } else { 0.0 };
+    let fog = bake(&|at| if at.length() < 0.9 { 0.05 } else { 0.0 });
+    let wisp = bake(&|at| {
+        if DVec2::new(at.x, at.y).length() < 0.3 && at.z > 0.4 { 0.07 } else { solid(at) }
+    });
+    let veil = bake(&|at| if at.length() < 0.9 { 0.05 + solid(at) } else { 0.0 });
+    for (name, field, origin) in [
+        ("fog", &fog, DVec3::new(0.1, 0.05, 2.0)),
+        ("wisp", &wisp, DVec3::new(0.03, 2.0, 0.6)),
+        ("veil", &veil, DVec3::new(0.6, 0.05, 2.0)),
+    ] {
+        let direction = if name == "wisp" { DVec3::NEG_Y } else { DVec3::NEG_Z };
+        let packed = pack(field, &PackSettings::default());
+        let [before, after] = [field, packed.field()].map(|field| field.render_ray(origin, direction).1);
+        assert!(before - after < 0.02, "{name}: {before} and {after}");
+    }
+    // What no ray reaches is dropped all the same.
+    assert!(pack(&veil, &PackSettings::BALANCED).field().leaves() < veil.leaves() - 500);
+    let haze = bake(&|_| 1e-3);
+    let error = Packed::new(&haze, &PackSettings::default(), &Progress::default()).unwrap_err();
+    assert!(error.to_string().contains("nothing is left to pack"), "{error}");
+    assert!(Packed::new(&haze, &PackSettings { hidden: 1e-6, ..Default::default() }, &Progress::default()).is_ok());
+}
+
+/// The floors of cups, one and a half and two and a half times as deep as wide, in any direction, are seen from outside
+/// and kept.
+#[test]
+fn floors_of_holes_are_kept() {
+    for (axis, up) in [(0, UpAxis::Z), (1, UpAxis::Y), (2, UpAxis::Z), (2, UpAxis::Y)] {
+        for depth in [0.9, 1.5] {
+            let floor = 0.9 - depth;
+            let settings = BakeSettings { depth: 6, basis: Basis::Rgba, up, directions: 8, ..Default::default() };
+            let place = |at: DVec3| (at[axis], DVec2::new(at[(axis + 1) % 3], at[(axis + 2) % 3]).length());
+            let density = |at: DVec3| {
+                let (height, radius) = place(at);
+                let solid = radius < 0.6 && (-0.9..0.9).contains(&height) && (radius > 0.3 || height < floor);
+                if solid { 1000.0 } else { 0.0 }
+            };
+            let radiance = |at: DVec3| {
+                let is_floor = place(at).0 > floor - 0.1 && place(at).1 < 0.3;
+                move |_| if is_floor { DVec3::X } else { DVec3::Z }
+            };
+            let packed = pack(&bake(&settings, density, radiance).unwrap(), &PackSettings::default());
+            for (across, down) in [(0.01, 0.01), (0.2, 0.02), (-0.02, -0.23), (-0.15, 0.15)] {
+                let (mut origin, mut direction) = (DVec3::ZERO, DVec3::ZERO);
+                (origin[axis], origin[(axis + 1) % 3], origin[(axis + 2) % 3]) = (2.0, across, down);
+                direction[axis] = -1.0;
+                let color = packed.field().render_ray(origin, direction).0;
+                assert!((color - DVec3::X).abs().max_element() < 0.05, "{axis} {up:?} {depth}: {color} at {origin}");
+            }
+        }
+    }
+}
+
 #[test]
 fn any_number_of_threads_gives_the_same_bytes() {
     let field = ball(4, Basis::Sh4);
@@ -390,10 +450,12 @@ fn implausible_sizes_are_rejected() {
     assert_rejected(Basis::Sh4, claim(1 << 27, 1 << 29), "expected a plausible size");
     // A section that deflates to a thousandth.
     let zeros = |sections: &mut Sections| {
-        claim(1 << 22, 1 << 23)(sections);
-        *sections.get("TREE") = vec![0; 1 << 22];
+        claim(1 << 25, 1 << 25)(sections);
+        *sections.get("TREE") = vec![0; 1 << 25];
     };
     assert_rejected(Basis::Sh4, zeros, "expected a plausible size");
+    // An even fog, eight levels deep, has so many leaves and nodes, in a file as small.
+    assert_rejected(Basis::Sh4, claim(((1 << 24) - 1) / 7, 1 << 24), "TREE: found");
     let raw = |sections: &mut Sections| sections.claimed = Some(("BASE", u64::MAX));
     assert_rejected(Basis::Sh4, raw, "BASE: found 18446744073709551615 bytes deflated to");
 }

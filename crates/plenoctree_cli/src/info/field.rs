@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use plenoctree::PlenOctree;
+use plenoctree::{PlenOctree, UpAxis, sampling::SamplingSettings};
 use serde_json::{Value, json};
 
 use super::report::{NONE, Report, size, table};
@@ -18,10 +18,14 @@ pub fn report(path: &Path) -> Result<Report> {
     let file_bytes = files::size(path)?;
     let gpu_bytes = gpu_memory::bytes(&field);
     let densities = densities(&field);
+    let up = if field.up() == UpAxis::Y { "y" } else { "z" };
+    let records_histograms = field.histograms(&SamplingSettings::default()).is_some();
 
     let mut lines = vec![
         ("file size", size(file_bytes)),
         ("basis", field.basis().name().into()),
+        ("activation", format!("{:?}", field.activation())),
+        ("up axis", up.into()),
         ("leaves", field.leaves().to_string()),
         ("nodes", field.nodes().len().to_string()),
         ("depth", field.depth().to_string()),
@@ -29,6 +33,7 @@ pub fn report(path: &Path) -> Result<Report> {
         ("dense bounds", bounds_text(field.dense_bounds())),
         ("coefficients", codebook_text(&field)),
         ("density", densities.map_or(NONE.into(), densities_text)),
+        ("histograms", if records_histograms { "recorded" } else { "not recorded" }.into()),
     ];
     lines.extend(gpu_bytes.map(|bytes| ("GPU memory", size(bytes))));
 
@@ -36,6 +41,8 @@ pub fn report(path: &Path) -> Result<Report> {
         "file": path.display().to_string(),
         "file_bytes": file_bytes,
         "basis": field.basis().name(),
+        "activation": format!("{:?}", field.activation()),
+        "up": up,
         "leaves": field.leaves(),
         "nodes": field.nodes().len(),
         "depth": field.depth(),
@@ -43,6 +50,7 @@ pub fn report(path: &Path) -> Result<Report> {
         "dense_bounds": bounds_json(field.dense_bounds()),
         "codebook_rows": rows(&field),
         "density": densities.map(|[min, median, max]| json!({"min": min, "median": median, "max": max})),
+        "records_histograms": records_histograms,
         "gpu_bytes": gpu_bytes,
     });
     Ok(Report { text: table(path, &lines), json })

@@ -23,8 +23,8 @@ pub struct Arguments {
     /// How small the file becomes, and how accurate its pictures remain.
     #[arg(long, value_enum, default_value_t)]
     pub quality: Quality,
-    /// Opacity that a leaf must add to a ray from outside to be kept; 0 keeps all leaves, for fields that are also seen
-    /// from inside.
+    /// Opacity that a leaf must add to a ray from outside to be kept, or less in fogs; 0 keeps all leaves, for fields that
+    /// are also seen from inside.
     #[arg(long)]
     hidden: Option<f32>,
     /// The weight of views from below the horizon, relative to others, from 0 to 1.

@@ -86,46 +86,12 @@ pub fn pack_unchanged(field: &PlenOctree, settings: &PackSettings) -> Result<Pac
             bar.set_message("learning the codebooks");
         }
     };
-    let packed = progress::watched(&bar, || Packed::new(field, settings, &progress), show)?;
-    if packed.field().leaves() == 0 && field.leaves() > 0 {
-        let hidden = settings.hidden;
-        return Err(format!(
-            "no leaf adds an opacity of {hidden} to a ray from outside, so nothing is left to pack; choose a smaller pack \
-             --hidden"
-        )
-        .into());
-    }
-    Ok(packed)
+    Ok(progress::watched(&bar, || Packed::new(field, settings, &progress), show)?)
 }
 
-/// The optical depth beyond which light that is left does not show.
-const OPAQUE: f64 = 7.0;
-
-/// The optical depth below which a difference in a cell does not show.
-const FAINT: f64 = 0.01;
-
-/// Warns of densities that files cut off or round where that shows. They hold half floats, per unit of length.
+/// Warns of densities that files cut off or round where that shows.
 pub fn warn_of_density(path: &Path, field: &PlenOctree) {
-    const MOST: f64 = 65504.0;
-    // The smallest one, and the distance between those near it.
-    const LEAST: f64 = 1.0 / 16777216.0;
-    let cell = 1.0 / (field.frame().scale.max_element() * f64::from(field.depth()).exp2());
-    let densest = field.densities().iter().copied().fold(0.0, f32::max);
-    if f64::from(densest) > MOST && MOST * cell < OPAQUE {
-        console::complain!(
-            "warning: {}: found a density of {densest:.3e} in cells of {cell:.1e} units, expected at most {MOST}, which lets \
-             light through: scale the field up",
-            path.display()
-        );
-    }
-    let thinnest = field.densities().iter().copied().fold(f32::INFINITY, f32::min);
-    if f64::from(thinnest) < 1024.0 * LEAST && LEAST * cell > FAINT {
-        console::complain!(
-            "warning: {}: found a density of {thinnest:.3e} in cells of {cell:.1e} units, expected a multiple of {LEAST:.0e}, \
-             which is too coarse for them: scale the field down",
-            path.display()
-        );
-    }
+    field.density_losses().for_each(|loss| console::complain!("warning: {}: {loss}", path.display()));
 }
 
 fn print_sizes(field: &PlenOctree, packed: &Packed, [before, after]: [u64; 2]) {

@@ -4,7 +4,7 @@ use std::io::{Read, Seek, SeekFrom};
 
 use flate2::read::DeflateDecoder;
 
-use super::super::error::ReadFault;
+use super::super::{error::ReadFault, room::room};
 
 /// The first bytes of every file. As in PNG files, they reveal conversion of line endings.
 pub const MAGIC: [u8; 8] = *b"\x89PLO\r\n\x1a\n";
@@ -18,10 +18,6 @@ const PREFIX: usize = 16;
 const ENTRY: usize = 24;
 /// Largest compression ratio of deflate.
 const DEFLATE_RATIO: u64 = 1032;
-/// Size above which content counts as large, in bytes, and the largest ratio that it may have to the size of the file.
-/// Packed fields stay below 20.
-const LARGE: u64 = 128 << 20;
-const MAX_RATIO: u64 = 200;
 
 /// A part of the file, not yet read.
 struct Section {
@@ -97,7 +93,7 @@ impl<R: Read + Seek> Container<R> {
     /// Returns an error if `bytes` of memory are so many more than the file has that it was likely made to exhaust
     /// memory.
     pub fn check_room(&self, section: &'static str, bytes: u64) -> Result<(), ReadFault> {
-        if bytes > LARGE && bytes > self.bytes.saturating_mul(MAX_RATIO) {
+        if bytes > room(self.bytes) {
             return Err(fault(section, format!("{bytes} bytes from a file of {}", self.bytes), "a plausible size"));
         }
         Ok(())

@@ -11,8 +11,8 @@ use half::f16;
 use super::super::{error::ReadFault, frame::check_frame};
 use super::{
     container::{Container, fault},
-    histogram, planes,
-    quantized::{MAX_LEVELS, MAX_ROWS, Quantized},
+    histogram,
+    quantized::{MAX_LEVELS, MAX_ROWS, Quantized, content},
     recent::Recent,
     sections::{BINS, CONSTANTS, DENSITIES, HEAD, HEAD_BYTES, LEVELS, ROWS, TABLE, TREE},
     streams::{self, Rows},
@@ -24,8 +24,7 @@ pub(in crate::file) fn read_packed(reader: impl Read + Seek) -> Result<PlenOctre
     let mut file = Container::open(reader)?;
     let head = Head::parse(&file.read(HEAD, HEAD_BYTES as u64)?)?;
     let (leaves, nodes) = (head.leaves as u64, head.nodes as u64);
-    // The memory of the field: densities, colors and rows per leaf, and cells per node.
-    file.check_room(HEAD, 14 * leaves + 32 * nodes)?;
+    file.check_room(HEAD, content(leaves, nodes))?;
     let (nodes, depth) = head.tree(&mut file)?;
     let densities = head.densities(&mut file)?;
     let damaged = |section| fault(section, "damaged content", "that of the head");
@@ -170,7 +169,8 @@ impl Head {
 
     fn densities(&self, file: &mut Container<impl Read + Seek>) -> Result<Vec<f16>, ReadFault> {
         let bytes = file.read(DENSITIES, 2 * self.densities as u64)?;
-        let densities: Vec<f16> = planes::join(&bytes).map(|bytes| f16::from_bits(u16::from_le_bytes(bytes))).collect();
+        let (low, high) = bytes.split_at(self.densities);
+        let densities: Vec<f16> = low.iter().zip(high).map(|(low, high)| f16::from_le_bytes([*low, *high])).collect();
         match densities.iter().find(|density| !density.is_finite() || **density <= f16::ZERO) {
             Some(density) => Err(fault(DENSITIES, density.to_string(), "a positive number")),
             None => Ok(densities),

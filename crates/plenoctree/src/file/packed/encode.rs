@@ -1,8 +1,9 @@
 //! Writes a packed field.
 
+use super::super::room::TooEven;
 use super::{
-    container, histogram, planes,
-    quantized::Quantized,
+    container, histogram,
+    quantized::{Quantized, content},
     recent::Recent,
     sections::{BINS, CONSTANTS, DENSITIES, HEAD, LEVELS, ROWS, TABLE, TREE},
     streams,
@@ -11,21 +12,23 @@ use crate::field::{Activation, Basis, Cell, UpAxis};
 
 impl Quantized {
     /// Returns the content of the file, and the name and size of every section in it.
-    pub(crate) fn encode(&self) -> (Vec<u8>, Vec<(&'static str, usize)>) {
+    pub(crate) fn encode(&self) -> Result<(Vec<u8>, Vec<(&'static str, usize)>), TooEven> {
         let of = self.rows_of_tables();
         let (levels, count) = (&self.levels, self.densities.len());
         let others = self.basis.functions() - 1;
         let mut sections = vec![
             (HEAD, self.head()),
             (TREE, self.tree()),
-            (DENSITIES, planes::split(self.densities.iter().map(|density| density.to_bits().to_le_bytes()))),
+            (DENSITIES, [0, 1].iter().flat_map(|byte| self.densities.iter().map(|d| d.to_le_bytes()[*byte])).collect()),
             (LEVELS, streams::write_levels(levels, count)),
             (CONSTANTS, streams::write_colors(&self.colors, levels, count)),
             (TABLE, streams::write_tables(&self.tables.luma, &self.tables.chroma, others)),
             (ROWS, streams::write_rows(&self.rows, levels, count, of)),
         ];
         sections.extend(self.recorded.as_ref().map(|recorded| (BINS, histogram::write(recorded))));
-        container::build(&sections)
+        let (bytes, sizes) = container::build(&sections);
+        TooEven::check(content(levels.len() as u64, self.nodes.len() as u64), bytes.len() as u64)?;
+        Ok((bytes, sizes))
     }
 
     /// Returns how leaves name the rows of luma and of the differences.

@@ -6,7 +6,6 @@ mod decode;
 mod encode;
 mod entropy;
 mod histogram;
-mod planes;
 mod quantized;
 mod recent;
 mod sections;

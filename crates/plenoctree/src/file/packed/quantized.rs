@@ -16,6 +16,11 @@ pub(crate) const MAX_ROWS: usize = 1 << 16;
 /// The ranges of a leaf's luma and differences: 12, 10 and 10 bits.
 pub(crate) const COLOR_RANGES: [(i16, i16); 3] = [(-2048, 2047), (-512, 511), (-512, 511)];
 
+/// Returns the memory of a field in bytes: densities, colors and rows per leaf, and cells per node.
+pub(crate) fn content(leaves: u64, nodes: u64) -> u64 {
+    14 * leaves + 32 * nodes
+}
+
 /// A field whose numbers are multiples of steps, or come from tables.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Quantized {

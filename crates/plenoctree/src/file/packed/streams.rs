@@ -4,9 +4,6 @@
 use super::entropy::Decoder;
 #[cfg(feature = "write")]
 use super::entropy::Encoder;
-#[cfg(feature = "write")]
-use super::planes::fold;
-use super::planes::unfold;
 use super::{
     quantized::COLOR_RANGES,
     recent::{RECENT, Recent},
@@ -21,6 +18,17 @@ const CLASSES: usize = 6;
 const ROW_CLASSES: usize = 3;
 /// The largest number that names a recent row.
 const RECENT_NUMBERS: u32 = RECENT as u32;
+
+/// Interleaves positive and negative numbers, so that small ones stay small: 0, -1, 1, -2, 2, ...
+#[cfg(feature = "write")]
+fn fold(number: i32) -> u32 {
+    ((number << 1) ^ (number >> 31)) as u32
+}
+
+/// Undoes [`fold`].
+fn unfold(number: u32) -> i32 {
+    (number >> 1) as i32 ^ -((number & 1) as i32)
+}
 
 /// Returns which of `classes` a level is in.
 fn class(level: u8, levels: usize, classes: usize) -> usize {
@@ -238,4 +246,16 @@ pub fn first_new(rows: impl Iterator<Item = u16>, count: usize) -> usize {
         *first = leaf.min(*first);
     }
     (1..count).rev().find(|row| firsts[row - 1] >= firsts[*row]).unwrap_or(1).min(count)
+}
+
+#[cfg(all(test, feature = "write"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folds_are_undone() {
+        let numbers = [0, -1, 1, -2, 77, -300, i32::MAX, i32::MIN];
+        assert_eq!(numbers.map(fold)[..4], [0, 1, 2, 3]);
+        assert_eq!(numbers.map(|number| unfold(fold(number))), numbers);
+    }
 }

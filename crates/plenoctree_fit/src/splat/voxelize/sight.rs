@@ -1,12 +1,13 @@
 //! How visible cells are from outside, all around.
 
 use glam::{DVec3, UVec3};
+use plenoctree::sphere::spiral;
 use rayon::prelude::*;
 
 use crate::{cells::Cells, exponential::exp_minus, finest::position_of};
 
 /// Number of directions.
-const DIRECTIONS: usize = 24;
+const DIRECTIONS: u32 = 24;
 
 /// How visible a cell is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -28,12 +29,10 @@ pub fn look(cells: &Cells, side: u32) -> Vec<Sight> {
     let mut sights = vec![Sight::default(); cells.len()];
     // One direction per core at a time: the results of each take as much memory as the cells.
     let together = rayon::current_num_threads();
-    for first in (0..DIRECTIONS).step_by(together) {
-        let last = (first + together).min(DIRECTIONS);
-        let seen: Vec<Vec<[f32; 2]>> = (first..last)
-            .into_par_iter()
-            .map(|index| look_along(direction(index), cells, &places, &orders, side))
-            .collect();
+    let directions: Vec<DVec3> = spiral(DIRECTIONS, [1.0, -1.0]).collect();
+    for directions in directions.chunks(together) {
+        let seen: Vec<Vec<[f32; 2]>> =
+            directions.par_iter().map(|direction| look_along(*direction, cells, &places, &orders, side)).collect();
         sights.par_iter_mut().enumerate().for_each(|(cell, sight)| {
             for seen in &seen {
                 let [square, most] = seen[cell];
@@ -43,14 +42,6 @@ pub fn look(cells: &Cells, side: u32) -> Vec<Sight> {
         });
     }
     sights
-}
-
-/// Returns one of the directions, which are spread evenly: a Fibonacci spiral.
-fn direction(index: usize) -> DVec3 {
-    let golden = std::f64::consts::PI * (3.0 - 5.0f64.sqrt());
-    let z = 1.0 - (2.0 * index as f64 + 1.0) / DIRECTIONS as f64;
-    let (level, turn) = ((1.0 - z * z).sqrt(), golden * index as f64);
-    DVec3::new(level * turn.cos(), level * turn.sin(), z)
 }
 
 /// Returns the cells in the order of twice their middles along an axis.
