@@ -101,6 +101,8 @@ pub fn train(
     let mut views = Vec::new();
     // The least fraction of the stage and the fewest rays at which other pictures replace these, if not all are in memory.
     let mut round = None;
+    // How many views in a row have not seen anything.
+    let mut blind = 0;
     'rounds: while !progress.is_stopped() && (limit.is_some() || stage.fraction(position) < 1.0) {
         if round.is_none() {
             // Not both in memory at a time.
@@ -114,8 +116,15 @@ pub fn train(
             tiles = active_tiles(&model.grid, &views, None);
         }
         if tiles.is_empty() {
-            return Err(FitError::Empty);
+            round = None;
+            blind += views.len();
+            // At least one of two passes over all views is complete.
+            if blind >= 2 * gallery.len() {
+                return Err(FitError::Empty);
+            }
+            continue;
         }
+        blind = 0;
         random.shuffle(&mut tiles);
         for tiles in tiles.chunks(stage.tiles) {
             position.seconds = before + start.elapsed().as_secs_f64();
