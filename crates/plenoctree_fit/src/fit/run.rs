@@ -72,7 +72,7 @@ pub fn fit(
     settings.validate()?;
     let start = Instant::now();
     progress.update(|status| status.stage = "reading".into());
-    let turned = settings.stand.then(|| stand::upright(&input.views));
+    let (turned, agreement) = settings.stand.then(|| stand::upright(&input.views)).unzip();
     let turn = |input: &FitInput| turned.map_or_else(|| input.clone(), |turn| stand::turned(input, turn));
     let (input, test) = (&turn(input), test.map(turn));
     let is_held_out = |index: usize| test.is_none() && settings.holds_out(index);
@@ -239,6 +239,7 @@ pub fn fit(
         field = field.shifted(shift)?;
         cube.low += shift;
         report.from_input = Some(stand::matrix(turn, shift));
+        report.up_agreement = agreement;
     }
     report.leaves = field.leaves();
     report.depth = field.depth();

@@ -1,11 +1,14 @@
 //! Views: pictures, and the cameras that took them.
 
-use std::{path::PathBuf, sync::Arc};
+use std::{f64::consts::FRAC_PI_2, path::PathBuf, sync::Arc};
 
 use glam::{DMat3, DVec2, DVec3};
-use image::GrayImage;
+use image::{GrayImage, metadata::Orientation};
 
-use super::lens::{Distortion, Lens};
+use super::{
+    lens::{Distortion, Lens},
+    picture,
+};
 
 /// Smallest distance of the points for which the ray through a distorting lens is computed, in pixels. In between,
 /// directions are interpolated, which is off by less than a hundredth of a pixel.
@@ -197,6 +200,20 @@ pub struct View {
     pub mask: Option<PathBuf>,
     /// The camera, for the picture in its full size.
     pub camera: ViewCamera,
+}
+
+impl View {
+    /// Returns the axes of the picture as it is shown, in the camera's frame: turned as its EXIF data says.
+    pub(in crate::fit) fn shown_axes(&self) -> DMat3 {
+        let quarters = match picture::orientation(&self.picture) {
+            Orientation::Rotate90 | Orientation::Rotate90FlipH => 1.0,
+            Orientation::Rotate180 | Orientation::FlipVertical => 2.0,
+            Orientation::Rotate270 | Orientation::Rotate270FlipH => 3.0,
+            Orientation::NoTransforms | Orientation::FlipHorizontal => 0.0,
+        };
+        // What is at the left of a picture that is to be turned clockwise is up.
+        DMat3::from_rotation_z(quarters * FRAC_PI_2)
+    }
 }
 
 #[cfg(test)]
