@@ -91,7 +91,7 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
     if let (true, Some(first)) = (found.is_empty(), missing.first()) {
         return Err(FitError::found(folder, "pictures", format!("no file {}", first.display()), "a PNG or JPEG file"));
     }
-    let mut maker = CameraMaker::default();
+    let (mut maker, mut notes) = (CameraMaker::default(), Vec::new());
     let views = (found.into_iter())
         .map(|(image, path)| {
             let what = format!("image {}", image.name);
@@ -99,9 +99,14 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
                 FitError::found(folder, what.clone(), format!("camera {}", image.camera), "one of the cameras")
             })?;
             let size = picture::size(&path)?;
-            if (u64::from(size.0), u64::from(size.1)) != (camera.width, camera.height) {
-                let expected = format!("{}x{}, as camera {} states", camera.width, camera.height, image.camera);
+            let stated = (camera.width as f64, camera.height as f64);
+            let Some(scale) = picture::scale(size, stated) else {
+                let expected =
+                    format!("{}x{}, as camera {} states, or a scaled copy", camera.width, camera.height, image.camera);
                 return Err(FitError::found(&path, "size", format!("{}x{}", size.0, size.1), expected));
+            };
+            if scale != DVec2::ONE && notes.is_empty() {
+                notes.push(picture::scaled_note(size, stated));
             }
             // As in COLMAP, quaternions of any length are rotations.
             let length = image.rotation.length();
@@ -117,14 +122,15 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
             let to_world = DMat3::from_quat(image.rotation.normalize()).transpose();
             let position = -(to_world * image.translation);
             let rotation = DMat3::from_cols(to_world.x_axis, -to_world.y_axis, -to_world.z_axis);
-            let camera = maker.camera(size.0, size.1, camera.lens, rotation, position).map_err(|point| {
-                let found = format!("a lens without a direction at {point}");
-                FitError::found(folder, format!("camera {}", image.camera), found, "a lens that covers the picture")
-            })?;
+            let camera =
+                maker.camera(size.0, size.1, camera.lens.scaled(scale), rotation, position).map_err(|point| {
+                    let found = format!("a lens without a direction at {point}");
+                    FitError::found(folder, format!("camera {}", image.camera), found, "a lens that covers the picture")
+                })?;
             Ok(View { name: image.name, picture: path, mask: None, camera })
         })
         .collect::<Result<_, _>>()?;
-    Ok(FitInput { views, points, missing, ..FitInput::default() })
+    Ok(FitInput { views, points, missing, notes, ..FitInput::default() })
 }
 
 /// Returns whether a folder has a model.

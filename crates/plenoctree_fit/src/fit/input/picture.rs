@@ -6,6 +6,7 @@ use std::{
     path::Path,
 };
 
+use glam::DVec2;
 use image::{DynamicImage, GrayImage, ImageDecoder, ImageReader, Luma, RgbImage, metadata::Orientation};
 use zune_jpeg::{
     JpegDecoder,
@@ -99,6 +100,23 @@ pub fn read_mask(path: &Path) -> Result<GrayImage, FitError> {
 /// Returns the width and the height of a picture, as it is stored, without decoding it.
 pub fn size(path: &Path) -> Result<(u32, u32), FitError> {
     Decoder::open(path).map(|(size, _)| size)
+}
+
+/// Returns how many times as wide and as high as the `stated` size a picture is, if one is a scaled copy of the other,
+/// with sides that are rounded to pixels.
+pub fn scale(size: (u32, u32), stated: (f64, f64)) -> Option<DVec2> {
+    let (size, stated) = (DVec2::new(size.0.into(), size.1.into()), DVec2::from(stated));
+    let is_copy = |copy: DVec2, of: DVec2| {
+        let (least, most) = ((copy - 1.0) / of, (copy + 1.0) / of);
+        least.x < most.y && least.y < most.x
+    };
+    let is_scaled = stated.min_element() >= 1.0 && (is_copy(size, stated) || is_copy(stated, size));
+    (size == stated || is_scaled).then(|| size / stated)
+}
+
+/// Says that pictures are scaled, for a warning.
+pub fn scaled_note((width, height): (u32, u32), stated: (f64, f64)) -> String {
+    format!("pictures are scaled, such as to {width}x{height} from {}x{}, and so are their lenses", stated.0, stated.1)
 }
 
 /// Returns how a picture is to be turned before it is shown, as its EXIF data says.
@@ -234,6 +252,31 @@ mod tests {
             assert_eq!(written(&[&[0xff, 0xd8][..], &frame, &scan].concat()), Orientation::NoTransforms);
         }
         fs::remove_file(&path).unwrap();
+    }
+
+    /// Sides of scaled copies are rounded, up or down. Other sizes are not those of a copy.
+    #[test]
+    fn scaled_copies_are_told_from_others() {
+        let is_copy = |size, stated| scale(size, stated).is_some();
+        // Of Mip-NeRF 360, of Inria's examples, and the same size.
+        for (size, stated) in [
+            ((1297, 840), (5187.0, 3361.0)),
+            ((979, 546), (1957.0, 1091.0)),
+            ((5187, 3361), (1297.0, 840.0)),
+            ((7, 9), (7.0, 9.0)),
+        ] {
+            assert!(is_copy(size, stated), "{size:?} {stated:?}");
+        }
+        for (size, stated) in [
+            ((979, 550), (1957.0, 1091.0)),
+            ((1091, 1957), (1957.0, 1091.0)),
+            ((40, 40), (40.0, f64::NAN)),
+            ((40, 40), (-40.0, -40.0)),
+            ((1, 1), (0.0, 0.0)),
+        ] {
+            assert!(!is_copy(size, stated), "{size:?} {stated:?}");
+        }
+        assert_eq!(scale((50, 20), (100.0, 40.0)), Some(DVec2::splat(0.5)));
     }
 
     /// The end of a thumbnail is not that of the picture.

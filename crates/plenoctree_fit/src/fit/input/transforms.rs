@@ -91,6 +91,13 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
         }
     }
     let (mut points, mut notes) = (Vec::new(), Vec::new());
+    let mut sizes = frames.iter().zip(&views).map(|(frame, View { camera, .. })| {
+        let size = (camera.width, camera.height);
+        (size, frame.camera.clone().or(file.camera.clone()).stated(size))
+    });
+    if let Some((size, stated)) = sizes.find(|(size, stated)| (size.0.into(), size.1.into()) != *stated) {
+        notes.push(picture::scaled_note(size, stated));
+    }
     if let Some(name) = &file.ply_file_path {
         match find(own_folder(path), name, false) {
             Some(cloud) => points = points_of(&cloud)?,
@@ -174,16 +181,21 @@ fn view(
     })?;
     let own = frame.camera.clone().or(common.clone());
     let size = picture::size(&picture)?;
-    let lens = own.lens(size).map_err(|(key, found, expected)| fault(key, found, expected))?;
-    let stated = (own.intrinsics.w.unwrap_or(size.0.into()), own.intrinsics.h.unwrap_or(size.1.into()));
-    if stated != (size.0.into(), size.1.into()) {
+    let stated = own.stated(size);
+    // One side does not tell whether a picture is a scaled copy.
+    let is_whole = own.intrinsics.w.is_some() == own.intrinsics.h.is_some();
+    let scale = picture::scale(size, stated).filter(|scale| is_whole || *scale == DVec2::ONE);
+    let Some(scale) = scale else {
         let expected = match (own.intrinsics.w, own.intrinsics.h) {
-            (Some(width), Some(height)) => format!("{width}x{height}, as w and h in {} state", path.display()),
+            (Some(width), Some(height)) => {
+                format!("{width}x{height}, as w and h in {} state, or a scaled copy", path.display())
+            }
             (Some(width), None) => format!("a width of {width}, as w in {} states", path.display()),
             _ => format!("a height of {}, as h in {} states", stated.1, path.display()),
         };
         return Err(FitError::found(&picture, "size", format!("{}x{}", size.0, size.1), expected));
-    }
+    };
+    let lens = own.lens(stated.into()).map_err(|(key, found, expected)| fault(key, found, expected))?.scaled(scale);
     let camera =
         maker.camera(size.0, size.1, lens, DMat3::from_mat4(pose), pose.w_axis.truncate()).map_err(|point| {
             fault("k1", format!("a lens without a direction at {point}"), "a lens that covers the picture")
@@ -222,9 +234,14 @@ impl Camera {
         }
     }
 
+    /// Returns the size that the file states, or that of the picture.
+    fn stated(&self, size: (u32, u32)) -> (f64, f64) {
+        (self.intrinsics.w.unwrap_or(size.0.into()), self.intrinsics.h.unwrap_or(size.1.into()))
+    }
+
     /// Returns the lens for pictures of this size.
-    fn lens(&self, (width, height): (u32, u32)) -> Result<Lens, WrongValue> {
-        let (focal, center) = self.intrinsics.focal_and_center(DVec2::new(width.into(), height.into()))?;
+    fn lens(&self, size: DVec2) -> Result<Lens, WrongValue> {
+        let (focal, center) = self.intrinsics.focal_and_center(size)?;
         let model = self.camera_model.as_deref().unwrap_or("OPENCV");
         const MODELS: [&str; 6] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV_FISHEYE"];
         if !MODELS.contains(&model) {
