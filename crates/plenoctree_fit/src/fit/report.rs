@@ -22,7 +22,7 @@ pub struct FitReport {
     pub depth: u32,
     /// The share of the voxels that are in the largest part, if only that is kept.
     pub largest_part: Option<f64>,
-    /// Whether the fit was stopped early.
+    /// Whether the fit was stopped early, in training or while it was measured.
     pub stopped: bool,
     /// Why the state of a fit that was stopped could not be saved. It cannot be resumed from there, but perhaps from an
     /// earlier checkpoint.
