@@ -311,6 +311,37 @@ fn antialiased_captures_are_known() {
     }
 }
 
+/// Raw files of Mip-Splatting keep the width of their 3D filter apart. It widens Gaussians, whose opacity falls as their
+/// volume grows, and the capture is antialiased.
+#[test]
+fn filters_of_mip_splatting_are_applied() {
+    let splats = small(0);
+    let widths = [0.0, 0.02, 0.3, 5.0, 0.001];
+    let text = String::from_utf8(ply(&splats, PlyFormat::Ascii)).unwrap();
+    let (header, rows) = text.split_once("end_header\n").unwrap();
+    let place = header.find("property float rot_0").unwrap();
+    let column = header[header.find("element vertex").unwrap()..place].matches("property").count();
+    let header = format!("{}property float filter_3D\n{}", &header[..place], &header[place..]);
+    let rows: Vec<String> = (rows.lines().enumerate())
+        .map(|(row, line)| {
+            let mut words: Vec<String> = line.split_whitespace().map(String::from).collect();
+            if let Some(width) = widths.get(row) {
+                words.insert(column, width.to_string());
+            }
+            words.join(" ")
+        })
+        .collect();
+    let found = read(format!("{header}end_header\n{}\n", rows.join("\n")).as_bytes()).unwrap();
+    assert!(found.antialiased() && found.len() == 5);
+    for ((found, raw), width) in found.gaussians().iter().zip(splats.gaussians()).zip(widths) {
+        let square = |scale: Vec3| (scale * scale).as_dvec3();
+        let expected = square(raw.scale) + f64::from(width as f32).powi(2);
+        assert!((square(found.scale) / expected - 1.0).abs().max_element() < 1e-4, "{found:?}");
+        let ratio = (square(raw.scale) / expected).element_product().sqrt();
+        assert!((f64::from(found.opacity) / (f64::from(raw.opacity) * ratio) - 1.0).abs() < 1e-4, "{found:?}");
+    }
+}
+
 /// Comments of PLY files say which direction is up.
 #[test]
 fn the_direction_that_is_up_is_known() {
