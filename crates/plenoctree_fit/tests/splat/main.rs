@@ -278,7 +278,7 @@ fn assumed_axes_are_known() {
     }
 }
 
-/// Comments of PLY files, a flag of SPZ and a key of SOG say that a capture was trained with antialiasing.
+/// Comments of PLY files, a flag of SPZ and keys of SOG say that a capture was trained with antialiasing.
 #[test]
 fn antialiased_captures_are_known() {
     let splats = small(1);
@@ -292,6 +292,7 @@ fn antialiased_captures_are_known() {
         ("comment Exported from Brush\ncomment SplatRenderMode: default\n", false),
         ("comment antialiased 1\n", true),
         ("comment antialiased 0\n", false),
+        ("comment postshot.anti_aliasing=1\n", true),
     ] {
         assert_eq!(commented(comments).antialiased(), expected, "{comments}");
     }
@@ -303,9 +304,15 @@ fn antialiased_captures_are_known() {
     assert!(turned(&flagged, TO_GLTF).antialiased() && flagged.filtered(|_| true).antialiased());
     let mut files = sog(&splats, 2);
     assert!(!read(&zip(&files)).unwrap().antialiased());
-    for (model, expected) in [("antialiased", true), ("2dgs", false)] {
+    for (key, value, expected) in [
+        ("model", json!("antialiased"), true),
+        ("model", json!("2dgs"), false),
+        ("antialias", json!(true), true),
+        ("antialias", json!(false), false),
+        ("antialias", json!(null), false),
+    ] {
         let mut meta: serde_json::Value = serde_json::from_slice(&files[0].1).unwrap();
-        meta["model"] = json!(model);
+        meta[key] = value;
         files[0].1 = meta.to_string().into_bytes();
         assert_eq!(read(&zip(&files)).unwrap().antialiased(), expected);
     }

@@ -67,7 +67,9 @@ fn described(comments: &[String]) -> (bool, Option<Axis>) {
         let comment = comment.to_ascii_lowercase();
         if let Some(mode) = comment.strip_prefix("splatrendermode:") {
             antialiased = mode.trim() == "mip";
-        } else if let Some(flag) = comment.strip_prefix("antialiased ") {
+        } else if let Some(flag) =
+            ["antialiased ", "postshot.anti_aliasing="].iter().find_map(|key| comment.strip_prefix(key))
+        {
             antialiased = flag.trim() == "1";
         } else if let Some(axis) = comment.strip_prefix("vertical axis:") {
             let words: Vec<&str> = axis.split_whitespace().collect();
