@@ -132,6 +132,24 @@ fn masks_and_downscaling_keep_colors() {
     assert_eq!(half.pixels, [[100, 50, 25, 128]; 2]);
 }
 
+/// Masks that differ from frame to frame show the object, unlike in nerfstudio, and a note says so.
+#[test]
+fn masks_of_single_frames_are_noted() {
+    let folder = folder("own_masks");
+    write_pictures(&folder, &cameras(3), None, |_| 1.0);
+    write_transforms(&folder, &cameras(3));
+    let mask = image::GrayImage::from_pixel(SIZE, SIZE, image::Luma([255]));
+    (0..2).for_each(|index| mask.save(folder.join(format!("mask_{index}.png"))).unwrap());
+    let file = folder.join("transforms.json");
+    let mut json: serde_json::Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
+    (0..2).for_each(|index| json["frames"][index]["mask_path"] = format!("mask_{index}.png").into());
+    fs::write(&file, json.to_string()).unwrap();
+    let input = read(&folder).unwrap();
+    assert!(input.views[0].mask.is_some() && input.ignored.is_none());
+    assert_eq!(input.notes.len(), 1);
+    assert!(input.notes[0].starts_with("2 of 3 frames have masks of their own"), "{:?}", input.notes);
+}
+
 /// Masks may consist of zeros and ones, be an opacity, and be in the same folders as their pictures.
 #[test]
 fn masks_of_other_programs_are_read() {

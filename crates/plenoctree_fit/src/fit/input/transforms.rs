@@ -118,6 +118,14 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
             ignored = view.mask.take().or(ignored);
         }
     }
+    let masked = views.iter().filter(|view| view.mask.is_some()).count();
+    if masked > 0 && folders.masks.is_none() {
+        let all = views.len();
+        notes.push(format!(
+            "{masked} of {all} frames have masks of their own: what is black in them counts as empty, while nerfstudio \
+             ignores it"
+        ));
+    }
     Ok(FitInput { views, points, missing, ignored, notes })
 }
 
