@@ -149,7 +149,7 @@ fn points_of(path: &Path) -> Result<Vec<DVec3>, FitError> {
         points.retain(|point| point.is_finite());
         Ok(points)
     };
-    read().map_err(|Fault { what, found, expected }| FitError::found(path, what, found, expected))
+    read().map_err(FitError::fault(path))
 }
 
 /// A frame of the file.
