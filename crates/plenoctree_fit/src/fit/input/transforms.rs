@@ -6,7 +6,6 @@ use std::{
 };
 
 use glam::{DMat3, DVec2, DVec3};
-use serde::Deserialize;
 
 use super::{
     lens::{Distortion, Lens},
@@ -17,44 +16,11 @@ use super::{
 use crate::{
     file::{Fault, ply::Ply, without_mark},
     fit::error::FitError,
-    transforms::{Intrinsics, WrongValue, pose},
+    transforms::{Camera, File, Frame, WrongValue, pose},
 };
 
 /// Extensions that the file names of pictures may lack, as in NeRF-synthetic.
 const ENDINGS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
-
-/// The camera of all frames or of one, which takes precedence.
-#[derive(Clone, Default, Deserialize)]
-struct Camera {
-    camera_model: Option<String>,
-    is_fisheye: Option<bool>,
-    #[serde(flatten)]
-    intrinsics: Intrinsics,
-    k1: Option<f64>,
-    k2: Option<f64>,
-    k3: Option<f64>,
-    k4: Option<f64>,
-    p1: Option<f64>,
-    p2: Option<f64>,
-}
-
-#[derive(Deserialize)]
-struct File {
-    #[serde(flatten)]
-    camera: Camera,
-    frames: Vec<Frame>,
-    ply_file_path: Option<String>,
-}
-
-#[derive(Deserialize)]
-struct Frame {
-    #[serde(flatten)]
-    camera: Camera,
-    file_path: Option<String>,
-    file: Option<String>,
-    mask_path: Option<String>,
-    transform_matrix: Vec<Vec<f64>>,
-}
 
 /// Reads a file of cameras, and the sizes of their pictures.
 pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
@@ -172,8 +138,7 @@ fn view(
     let fault = |key: &str, found: String, expected: &str| {
         FitError::found(path, format!("frames[{index}].{key}"), found, expected)
     };
-    let name = frame.file_path.as_ref().or(frame.file.as_ref());
-    let name = name.ok_or_else(|| fault("file_path", "nothing".into(), "the path of a picture"))?;
+    let name = frame.name().ok_or_else(|| fault("file_path", "nothing".into(), "the path of a picture"))?;
     let moved = folders.pictures.is_some();
     let Some(picture) = find(folder, name, moved) else { return Ok(Listed::Missing(folder.join(name))) };
     let mask = match &frame.mask_path {
@@ -228,20 +193,6 @@ pub fn find(folder: &Path, name: &str, moved: bool) -> Option<PathBuf> {
 }
 
 impl Camera {
-    fn or(self, other: Self) -> Self {
-        Self {
-            camera_model: self.camera_model.or(other.camera_model),
-            is_fisheye: self.is_fisheye.or(other.is_fisheye),
-            intrinsics: self.intrinsics.or(other.intrinsics),
-            k1: self.k1.or(other.k1),
-            k2: self.k2.or(other.k2),
-            k3: self.k3.or(other.k3),
-            k4: self.k4.or(other.k4),
-            p1: self.p1.or(other.p1),
-            p2: self.p2.or(other.p2),
-        }
-    }
-
     /// Returns the size that the file states, or that of the picture.
     fn stated(&self, size: (u32, u32)) -> (f64, f64) {
         (self.intrinsics.w.unwrap_or(size.0.into()), self.intrinsics.h.unwrap_or(size.1.into()))
@@ -261,8 +212,7 @@ impl Camera {
         if let Some(wrong) = k.iter().chain(&tangential).find(|k| !k.is_finite() || k.abs() > 1e3) {
             return Err(("k1", wrong.to_string(), "coefficients of distortion from -1000 to 1000"));
         }
-        let fisheye = model == "OPENCV_FISHEYE" || self.is_fisheye == Some(true);
-        let distortion = if fisheye {
+        let distortion = if self.is_fisheye() {
             Distortion::Fisheye(k)
         } else if k.iter().chain(&tangential).all(|&k| k == 0.0) {
             Distortion::None
