@@ -46,8 +46,9 @@ const TILES_PER_GAIN: usize = 64;
 /// seventh, is then over all of them.
 const PASSES: f64 = 8.0;
 
-/// The pixels that are read in about the time of a ray: reading takes no longer than training.
-const PIXELS_PER_RAY: u64 = 500;
+/// The pixels that are read in about the time of a ray: reading takes hardly longer than training. On a core, a ray takes
+/// 7 µs, and a pixel of a PNG file 40 ns.
+const PIXELS_PER_RAY: u64 = 250;
 
 /// The tiles that are drawn at a time from pictures that are soon replaced.
 const DRAWN: usize = 1 << 14;
