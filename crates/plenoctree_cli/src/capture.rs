@@ -16,6 +16,9 @@ pub struct CaptureArguments {
     /// The axes of an SPZ file that does not record them. Without this, rub, with a warning.
     #[arg(long, value_enum)]
     spz_axes: Option<Axes>,
+    /// The capture was trained with antialiasing (Mip-Splatting), even if its file does not say so.
+    #[arg(long)]
+    antialiased: bool,
 }
 
 /// The axes of SPZ files.
@@ -30,7 +33,7 @@ enum Axes {
 impl CaptureArguments {
     /// Returns whether any is given.
     pub fn are_given(self) -> bool {
-        self.spz_axes.is_some()
+        self.spz_axes.is_some() || self.antialiased
     }
 }
 
@@ -58,7 +61,8 @@ pub fn load(path: &Path, arguments: CaptureArguments, quiet: bool) -> Result<Spl
         Some(Axes::Rub) => SpzAxes::RightUpBack,
         Some(Axes::Rdf) => SpzAxes::RightDownFront,
     };
-    let splats = Splats::read(path, &SplatSettings { spz_axes })?;
+    let mut splats = Splats::read(path, &SplatSettings { spz_axes })?;
+    splats.set_antialiased(splats.antialiased() || arguments.antialiased);
     spinner.finish_and_clear();
     if splats.assumes_axes() {
         console::complain!(

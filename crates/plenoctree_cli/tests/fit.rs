@@ -59,7 +59,8 @@ fn a_field_is_fitted_with_palette_previews_and_report() {
     assert!(printed.contains("dB") && printed.contains("prop.npz"), "{printed}");
     let field = PlenOctree::read(&out, &LoadSettings::default()).unwrap();
     let report: Value = serde_json::from_slice(&fs::read(folder.join("out/report.json")).unwrap()).unwrap();
-    assert_eq!(report["leaves"], field.leaves());
+    assert_eq!([&report["leaves"], &report["written"]["leaves"]], [field.leaves(); 2]);
+    assert_eq!([&report["written"]["packed"], &report["written"]["packed_psnr_db"]], [&json!(false), &Value::Null]);
     assert_eq!(report["held_out"]["views"].as_array().unwrap().len(), 4);
     let psnr = report["held_out"]["psnr_db"].as_f64().unwrap();
     assert!(psnr > 15.0 && psnr < 60.0, "{psnr}");
@@ -94,7 +95,12 @@ fn fits_are_packed_and_kept() {
     assert_eq!(warnings.matches("warning").count(), 1, "{warnings}");
     assert!(warnings.contains("2 of 16 pictures do not exist") && warnings.contains("such as"), "{warnings}");
     let packed = fs::read(&out).unwrap();
-    assert!(PlenOctree::read(&out, &LoadSettings::default()).unwrap().codebook().is_some());
+    let field = PlenOctree::read(&out, &LoadSettings::default()).unwrap();
+    assert!(field.codebook().is_some());
+    let report: Value = serde_json::from_slice(&fs::read(folder.join("report.json")).unwrap()).unwrap();
+    assert_eq!([&report["written"]["leaves"], &report["written"]["packed"]], [&json!(field.leaves()), &json!(true)]);
+    let psnr = report["written"]["packed_psnr_db"].as_f64().unwrap();
+    assert!((25.0..80.0).contains(&psnr), "{psnr}");
     let warnings = fit(&["--effort", "0.01", "--resume"]);
     assert!(warnings.contains("kept as it is: the earlier result has"), "{warnings}");
     assert_eq!(fs::read(&out).unwrap(), packed);

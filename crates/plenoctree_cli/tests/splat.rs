@@ -60,6 +60,10 @@ fn captures_and_fields_are_rendered() {
     let ([r, _, b, a], [upper_r, _, upper_b, _]) = (image.get_pixel(20, 20).0, image.get_pixel(20, 9).0);
     assert!(r > 200 && b < 60 && a > 250, "{r} {b} {a}");
     assert!(upper_b > 200 && upper_r < 60, "{upper_r} {upper_b}");
+    // Opacities fall where Gaussians grow.
+    succeed(&["render", &capture, "--cameras", &cameras, "--out", text(&out), "--antialiased"]);
+    let opacity = |image: &image::RgbaImage| image.pixels().map(|pixel| u64::from(pixel[3])).sum::<u64>();
+    assert!(opacity(&image::open(out.join("000.png")).unwrap().into_rgba8()) < opacity(&image));
     let arguments =
         ["render", &capture, "--cameras", &cameras, "--size", "20x20", "--background", "#00ff00", "--quiet"];
     assert_eq!(succeed(&[&arguments[..], &["--out", text(&out)]].concat()), "");
@@ -83,8 +87,10 @@ fn captures_and_fields_are_rendered() {
     assert_eq!([red(&[]), red(&["--activation", "shifted-relu"])], [229, 255]);
     let message = fail(&["render", &capture, "--cameras", &cameras, "--out", text(&out), "--up", "y"]);
     assert!(message.contains("cube.ply: --activation and --up are for fields"), "{message}");
-    let message = fail(&["render", text(&field), "--cameras", &cameras, "--out", text(&out), "--spz-axes", "rub"]);
-    assert!(message.contains("ball.npz: --spz-axes is for captures"), "{message}");
+    for option in [&["--spz-axes", "rub"][..], &["--antialiased"]] {
+        let message = fail(&[&["render", text(&field), "--cameras", &cameras, "--out", text(&out)], option].concat());
+        assert!(message.contains("ball.npz: --spz-axes and --antialiased are for captures"), "{message}");
+    }
 
     // Nothing that is read is overwritten.
     fs::copy(&capture, out.join("000.png")).unwrap();

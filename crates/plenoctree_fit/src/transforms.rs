@@ -9,7 +9,6 @@ use std::{
 use glam::{DMat3, DMat4, DVec2, DVec4};
 use plenoctree::camera::PinholeCamera;
 use serde::Deserialize;
-use serde_json::{Map, Value};
 
 use crate::file::without_mark;
 
@@ -115,22 +114,70 @@ impl Intrinsics {
     }
 }
 
-#[derive(Deserialize)]
-struct File {
+/// The camera of all frames or of one, which takes precedence.
+#[derive(Clone, Default, Deserialize)]
+pub(crate) struct Camera {
+    pub camera_model: Option<String>,
+    pub is_fisheye: Option<bool>,
     #[serde(flatten)]
-    intrinsics: Intrinsics,
-    frames: Vec<Frame>,
-    #[serde(flatten)]
-    others: Map<String, Value>,
+    pub intrinsics: Intrinsics,
+    pub k1: Option<f64>,
+    pub k2: Option<f64>,
+    pub k3: Option<f64>,
+    pub k4: Option<f64>,
+    pub p1: Option<f64>,
+    pub p2: Option<f64>,
+}
+
+impl Camera {
+    pub fn or(self, other: Self) -> Self {
+        Self {
+            camera_model: self.camera_model.or(other.camera_model),
+            is_fisheye: self.is_fisheye.or(other.is_fisheye),
+            intrinsics: self.intrinsics.or(other.intrinsics),
+            k1: self.k1.or(other.k1),
+            k2: self.k2.or(other.k2),
+            k3: self.k3.or(other.k3),
+            k4: self.k4.or(other.k4),
+            p1: self.p1.or(other.p1),
+            p2: self.p2.or(other.p2),
+        }
+    }
+
+    pub fn is_fisheye(&self) -> bool {
+        self.is_fisheye == Some(true) || self.camera_model.as_deref() == Some("OPENCV_FISHEYE")
+    }
+
+    /// Returns whether the lens distorts.
+    fn distorts(&self) -> bool {
+        let coefficients = [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2];
+        self.is_fisheye() || coefficients.into_iter().flatten().any(|k| k != 0.0)
+    }
 }
 
 #[derive(Deserialize)]
-struct Frame {
+pub(crate) struct File {
     #[serde(flatten)]
-    intrinsics: Intrinsics,
-    transform_matrix: Vec<Vec<f64>>,
+    pub camera: Camera,
+    pub frames: Vec<Frame>,
+    pub ply_file_path: Option<String>,
+}
+
+#[derive(Deserialize)]
+pub(crate) struct Frame {
     #[serde(flatten)]
-    others: Map<String, Value>,
+    pub camera: Camera,
+    file_path: Option<String>,
+    file: Option<String>,
+    pub mask_path: Option<String>,
+    pub transform_matrix: Vec<Vec<f64>>,
+}
+
+impl Frame {
+    /// Returns the path of the picture.
+    pub fn name(&self) -> Option<&String> {
+        self.file_path.as_ref().or(self.file.as_ref())
+    }
 }
 
 /// What a `transforms.json` file says of its pictures.
@@ -196,29 +243,17 @@ impl Transforms {
                     let key = format!("frames[{index}].transform_matrix");
                     value(key, found, "a 4x4 camera-to-world matrix, a rotation and a translation")
                 })?;
-                pinhole(frame.intrinsics.or(file.intrinsics), pose, size)
+                pinhole(frame.camera.intrinsics.or(file.camera.intrinsics), pose, size)
                     .map_err(|(key, found, expected)| value(key.into(), found, expected))
             })
             .collect();
-        let name = |frame: &Frame| {
-            let name = ["file_path", "file"].iter().find_map(|key| frame.others.get(*key)?.as_str())?;
-            Some(path.with_file_name(name))
-        };
+        let name = |frame: &Frame| Some(path.with_file_name(frame.name()?));
         Ok(Self {
             cameras: cameras?,
             pictures: file.frames.iter().filter_map(name).collect(),
-            is_distorted: distorts(&file.others) || file.frames.iter().any(|frame| distorts(&frame.others)),
+            is_distorted: file.camera.distorts() || file.frames.iter().any(|frame| frame.camera.distorts()),
         })
     }
-}
-
-/// Returns whether a lens with these values distorts.
-fn distorts(values: &Map<String, Value>) -> bool {
-    let coefficients = ["k1", "k2", "k3", "k4", "p1", "p2"];
-    let is_bent = |key: &&str| values.get(*key).and_then(Value::as_f64).is_some_and(|value| value != 0.0);
-    coefficients.iter().any(is_bent)
-        || values.get("is_fisheye") == Some(&Value::Bool(true))
-        || values.get("camera_model").and_then(Value::as_str) == Some("OPENCV_FISHEYE")
 }
 
 /// Makes the matrix a pure rotation and a translation. If that is impossible, returns what was found instead.

@@ -64,7 +64,7 @@ pub struct Arguments {
     /// Keep only the largest connected part.
     #[arg(long)]
     keep_largest: bool,
-    /// Turn the field upright, using the mean up direction of the cameras, and place it on the origin.
+    /// Turn the field upright, using the direction that the cameras agree is up, and place it on the origin.
     #[arg(long)]
     stand: bool,
     /// Resume an earlier fit to the same file that was stopped. A better result that is there already is kept.

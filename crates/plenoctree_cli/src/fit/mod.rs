@@ -178,6 +178,12 @@ fn print(arguments: &Arguments, report: &FitReport, leaves: usize) {
         };
         console::complain!("warning: view {} ({}) {what}: its pose may be wrong", view.number, view.name);
     }
+    if report.up_agreement.is_some_and(|agreement| agreement < FitReport::LEAST_UP_AGREEMENT) {
+        console::complain!(
+            "warning: {}: --stand may have turned the wrong side up: the cameras hardly agree on a direction",
+            arguments.out.display()
+        );
+    }
     if let Some(share) = report.largest_part.filter(|share| *share < LEAST_PART) {
         console::complain!(
             "warning: {}: --keep-largest keeps only {:.1}% of the leaves: the largest connected part may not be all of the \

@@ -77,15 +77,20 @@ fn write_all(
     let (views, targets) = (views(out), targets(out));
     pack::warn_of_density(out, field);
     let field_file = partial(&targets[0]);
-    let (leaves, written) = if is_packed(out) {
+    let (leaves, psnr, written) = if is_packed(out) {
         let packed = pack::pack_unchanged(field, &PackSettings::default())?;
-        (packed.field().leaves(), packed.write(&field_file))
+        (packed.field().leaves(), pack::psnr(field, packed.field()), packed.write(&field_file))
     } else {
-        (field.leaves(), field.write(&field_file))
+        (field.leaves(), None, field.write(&field_file))
     };
     written.map_err(|error| format!("{}: {error}", out.display()))?;
+    if let Some(psnr) = psnr {
+        console::say!("packed: {psnr:.1} dB from the field that was measured");
+    }
     let mut report = report.clone();
     report["field"] = identity(out, &field_file);
+    // The rest of the report, and the previews, are about the field before it is packed.
+    report["written"] = json!({ "leaves": leaves, "packed": is_packed(out), "packed_psnr_db": psnr });
     let names = preview_names(previews.iter().map(|preview| &*preview.name));
     report[PREVIEWS] = json!(names);
     if let Some(palette) = palette {

@@ -7,7 +7,7 @@ use plenoctree::{
     PlenOctree,
     camera::PinholeCamera,
     palette::{ExtractionSettings, LabelSpace, Palette, PaletteLabel},
-    reference::{Posterization, render},
+    reference::{Posterization, Rendering, render},
 };
 
 use super::ViewArguments;
@@ -17,6 +17,9 @@ use crate::{console, extraction, result::Result, transforms};
 const SIZE: (u32, u32) = (200, 200);
 /// Elevations of those views above the horizon, in radians.
 const ELEVATIONS: [f64; 2] = [0.35, 0.9];
+
+/// The number of views that [`psnr`] compares.
+const COMPARED: u32 = 4;
 
 /// Views of the field, and its palette.
 pub struct Views {
@@ -78,9 +81,7 @@ impl Views {
         let (mut psnr, mut changed, mut posterized) = (0.0, 0, 0);
         for (camera, expected) in self.cameras.iter().zip(&self.expected) {
             let found = View::new(packed, camera, &self.palette);
-            let pairs = found.colors.iter().zip(&expected.colors);
-            let squares: f64 = pairs.map(|(found, expected)| found.distance_squared(*expected)).sum();
-            psnr += -10.0 * (squares / (3.0 * found.colors.len() as f64)).max(1e-12).log10();
+            psnr += decibels(&found.colors, &expected.colors);
             for (found, expected) in found.labels.iter().zip(&expected.labels) {
                 posterized += usize::from(expected.is_some());
                 changed += usize::from(expected.is_some() && found != expected);
@@ -95,8 +96,7 @@ impl View {
     fn new(field: &PlenOctree, camera: &PinholeCamera, palette: &Palette) -> Self {
         let settings = Posterization::default();
         let rendering = render(field, camera);
-        let colors = rendering.over(DVec3::ONE).into_iter().map(|color| color.clamp(DVec3::ZERO, DVec3::ONE));
-        let colors: Vec<_> = colors.collect();
+        let colors = colors(&rendering);
         // Tones are labels of the field alone, and have no blends.
         let nearest = |pixel: usize| match palette.label_space() {
             LabelSpace::Encoded => PaletteLabel::nearest(colors[pixel], palette, settings.blend_steps),
@@ -108,6 +108,28 @@ impl View {
         let label = |pixel| Some(pixel).filter(is_labeled).and_then(nearest).map(|label| label.index);
         Self { labels: (0..colors.len()).map(label).collect(), colors }
     }
+}
+
+/// Returns the PSNR of a packed field against the field, in decibels: the mean over a few views from around, over white.
+/// `None` if nothing is visible.
+pub fn psnr(field: &PlenOctree, packed: &PlenOctree) -> Option<f64> {
+    let of_view = |camera: &PinholeCamera| {
+        let [found, expected] = [packed, field].map(|field| colors(&render(field, camera)));
+        decibels(&found, &expected)
+    };
+    let psnrs: Vec<f64> = around(field, SIZE, COMPARED).iter().map(of_view).collect();
+    (!psnrs.is_empty()).then(|| psnrs.iter().sum::<f64>() / psnrs.len() as f64)
+}
+
+/// Returns the colors of a view over white.
+fn colors(rendering: &Rendering) -> Vec<DVec3> {
+    rendering.over(DVec3::ONE).into_iter().map(|color| color.clamp(DVec3::ZERO, DVec3::ONE)).collect()
+}
+
+/// Returns the PSNR of colors, in decibels.
+fn decibels(found: &[DVec3], expected: &[DVec3]) -> f64 {
+    let squares: f64 = found.iter().zip(expected).map(|(found, expected)| found.distance_squared(*expected)).sum();
+    -10.0 * (squares / (3.0 * found.len() as f64)).max(1e-12).log10()
 }
 
 /// Returns views from around, half of them from higher up. None if the field is empty.

@@ -4,7 +4,7 @@ mod arguments;
 mod measure;
 
 pub use arguments::{Arguments, Quality, ViewArguments};
-pub use measure::{Loss, Views, palette};
+pub use measure::{Loss, Views, palette, psnr};
 
 use std::path::Path;
 

@@ -57,7 +57,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let extension = path.extension().unwrap_or_default();
     let scene = if PlenOctree::EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known)) {
         if arguments.capture.are_given() {
-            return Err(format!("{}: --spz-axes is for captures", path.display()).into());
+            return Err(format!("{}: --spz-axes and --antialiased are for captures", path.display()).into());
         }
         let field = arguments.field.load(path, arguments.quiet)?;
         if field.leaves() == 0 {

@@ -40,6 +40,17 @@ impl<'a> Bytes<'a> {
     pub fn u64(&mut self, what: &str) -> Result<u64, Fault> {
         self.array(what).map(u64::from_le_bytes)
     }
+
+    pub fn f64(&mut self, what: &str) -> Result<f64, Fault> {
+        self.array(what).map(f64::from_le_bytes)
+    }
+
+    /// Returns a text that ends with a zero.
+    pub fn text(&mut self, what: &str) -> Result<String, Fault> {
+        let end = self.rest.iter().position(|byte| *byte == 0).unwrap_or(self.rest.len());
+        let text = self.take(end as u64 + 1, what)?;
+        Ok(String::from_utf8_lossy(&text[..end]).into_owned())
+    }
 }
 
 /// The type of a number in a file.

@@ -1,5 +1,8 @@
 //! Reads files without trusting what they claim: shared by the readers of pictures' cameras and of captures.
-#![cfg_attr(not(feature = "splat"), allow(dead_code, unused_imports, reason = "cameras need only some of it"))]
+#![cfg_attr(
+    not(all(feature = "fit", feature = "splat")),
+    allow(dead_code, unused_imports, reason = "cameras or captures need only some of it")
+)]
 
 mod bytes;
 mod fault;

@@ -7,6 +7,8 @@ use std::{
 
 use plenoctree::InvalidField;
 
+use crate::file::Fault;
+
 /// An error that occurs when fitting a field.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -64,6 +66,11 @@ impl FitError {
     /// Returns a closure that names the file of an error.
     pub(super) fn io(path: &Path) -> impl FnOnce(io::Error) -> Self + '_ {
         move |source| Self::Io { path: path.into(), source }
+    }
+
+    /// Returns a closure that names the file of a fault in its content.
+    pub(super) fn fault(path: &Path) -> impl FnOnce(Fault) -> Self + '_ {
+        move |Fault { what, found, expected }| Self::found(path, what, found, expected)
     }
 
     pub(super) fn found(

@@ -10,7 +10,15 @@ use super::{
     train::{TrainView, backdrop::Backdrop, batch::render_ray},
 };
 
-/// A view of the field, next to the photograph. Pixels are stored row by row, in encoded sRGB.
+/// The longest side of a [`Comparison`], in pixels.
+const LONGEST: u32 = 1024;
+/// Rows of an image whose similarity is computed at a time.
+const BAND: usize = 64;
+/// The reach of a window of similarity, in pixels.
+const REACH: usize = 5;
+
+/// A view of the field, next to the photograph. Pixels are stored row by row, in encoded sRGB. They are means of those of
+/// the photograph if a side of it is longer than 1024 pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Comparison {
     /// Name of the picture.
@@ -23,7 +31,7 @@ pub struct Comparison {
     pub photographed: Vec<[u8; 3]>,
     /// The field, over the backdrop.
     pub rendered: Vec<[u8; 3]>,
-    /// Peak signal-to-noise ratio, in decibels.
+    /// Peak signal-to-noise ratio of all of the photograph, in decibels.
     pub psnr: f64,
     /// Structural similarity, at most 1: the mean over all pixels and channels, in Gaussian windows of 11 x 11 pixels.
     pub ssim: f64,
@@ -41,40 +49,53 @@ pub fn compare(
     picture: &Picture,
 ) -> Comparison {
     let (width, height) = (camera.width, camera.height);
-    let (rendered, photographed): (Vec<DVec3>, Vec<DVec3>) = (0..width * height)
+    // In float32, because photographs have many pixels.
+    let pairs: Vec<[Vec3; 2]> = (0..width * height)
         .into_par_iter()
         .map(|pixel| {
             let (x, y) = (pixel % width, pixel / width);
             if !camera.knows(x, y) {
-                return (DVec3::ZERO, DVec3::ZERO);
+                return [Vec3::ZERO; 2];
             }
             let direction = camera.direction(DVec2::new(x.into(), y.into()) + 0.5);
             let (seen, opacity) = field.render_ray(camera.position, direction);
             let behind = backdrop.color(direction, Vec3::ONE).as_dvec3();
             let [r, g, b, a] = picture.pixels[pixel as usize].map(|byte| f64::from(byte) / 255.0);
-            (seen + (1.0 - opacity) * behind, DVec3::new(r, g, b) + (1.0 - a) * behind)
+            [seen + (1.0 - opacity) * behind, DVec3::new(r, g, b) + (1.0 - a) * behind].map(|color| color.as_vec3())
         })
-        .unzip();
-    let squared: f64 = rendered.iter().zip(&photographed).map(|(a, b)| a.distance_squared(*b)).sum();
+        .collect();
+    let pair = |pixel: usize| pairs[pixel].map(|color| color.as_dvec3());
+    let all = || (0..pairs.len()).map(pair);
+    let squared: f64 = all().map(|[a, b]| a.distance_squared(b)).sum();
     let known = |pixel: usize| camera.knows(pixel as u32 % width, pixel as u32 / width);
-    let count = 3.0 * (0..rendered.len()).filter(|pixel| known(*pixel)).count().max(1) as f64;
+    let count = 3.0 * (0..pairs.len()).filter(|pixel| known(*pixel)).count().max(1) as f64;
     let gain: DVec3 = {
-        let product: DVec3 = rendered.iter().zip(&photographed).map(|(a, b)| *a * *b).sum();
-        let square: DVec3 = rendered.iter().map(|a| *a * *a).sum();
+        let product: DVec3 = all().map(|[a, b]| a * b).sum();
+        let square: DVec3 = all().map(|[a, _]| a * a).sum();
         product / square.max(DVec3::splat(1e-9))
     };
-    let aligned: f64 = rendered.iter().zip(&photographed).map(|(a, b)| (gain * *a).distance_squared(*b)).sum();
-    let bytes = |colors: &[DVec3]| {
-        colors.iter().map(|color| color.to_array().map(|x| (255.0 * x.clamp(0.0, 1.0)).round() as u8)).collect()
+    let aligned: f64 = all().map(|[a, b]| (gain * a).distance_squared(b)).sum();
+    let factor = width.max(height).div_ceil(LONGEST);
+    let small = [(width / factor).max(1), (height / factor).max(1)];
+    let bytes = |side: usize| {
+        let mean = |(x, y): (u32, u32)| {
+            let (columns, rows) = (factor.min(width), factor.min(height));
+            let inside = (0..rows).flat_map(|dy| (0..columns).map(move |dx| (dx, dy)));
+            let sum: DVec3 =
+                inside.map(|(dx, dy)| pair(((y * rows + dy) * width + x * columns + dx) as usize)[side]).sum();
+            let mean = sum / f64::from(rows * columns);
+            mean.to_array().map(|x| (255.0 * x.clamp(0.0, 1.0)).round() as u8)
+        };
+        (0..small[1]).flat_map(|y| (0..small[0]).map(move |x| (x, y))).map(mean).collect()
     };
     Comparison {
         name: name.into(),
-        width,
-        height,
-        photographed: bytes(&photographed),
-        rendered: bytes(&rendered),
+        width: small[0],
+        height: small[1],
+        photographed: bytes(1),
+        rendered: bytes(0),
         psnr: decibels(squared / count),
-        ssim: ssim_where(&rendered, &photographed, width as usize, known),
+        ssim: similarity(pairs.len(), width as usize, pair, known),
         aligned_psnr: decibels(aligned / count),
     }
 }
@@ -115,47 +136,62 @@ pub fn decibels(mean_squared: f64) -> f64 {
 ///
 /// # Panics
 ///
-/// Panics if the images do not consist of whole rows.
+/// Panics if the images have different sizes, or do not consist of whole rows.
 pub fn ssim(a: &[DVec3], b: &[DVec3], width: usize) -> f64 {
-    ssim_where(a, b, width, |_| true)
+    assert!(a.len() == b.len() && a.len().is_multiple_of(width), "images of whole rows");
+    similarity(a.len(), width, |pixel| [a[pixel], b[pixel]], |_| true)
 }
 
-/// Returns the mean over some of the pixels.
-fn ssim_where(a: &[DVec3], b: &[DVec3], width: usize, counts: impl Fn(usize) -> bool) -> f64 {
+/// Returns the mean over those of `count` pixels for which `counts` returns `true`. `pair` returns the colors of a pixel.
+/// Bands of rows are computed one by one on each thread, because large images would need gigabytes.
+fn similarity(
+    count: usize,
+    width: usize,
+    pair: impl Fn(usize) -> [DVec3; 2] + Sync,
+    counts: impl Fn(usize) -> bool + Sync,
+) -> f64 {
     let (c1, c2) = (0.01f64.powi(2), 0.03f64.powi(2));
-    let blurred = |f: &dyn Fn(DVec3, DVec3) -> DVec3| blur(a.iter().zip(b).map(|(a, b)| f(*a, *b)).collect(), width);
-    let (mean_a, mean_b) = (blurred(&|a, _| a), blurred(&|_, b| b));
-    let (aa, bb, ab) = (blurred(&|a, _| a * a), blurred(&|_, b| b * b), blurred(&|a, b| a * b));
-    let pixels: Vec<usize> = (0..a.len()).filter(|pixel| counts(*pixel)).collect();
-    let sum: DVec3 = (pixels.iter())
-        .map(|&i| {
+    let height = count / width;
+    let of_band = |band: usize| {
+        let rows = band * BAND..height.min((band + 1) * BAND);
+        // Windows reach into other bands.
+        let first = rows.start.saturating_sub(REACH) * width;
+        let pairs: Vec<[DVec3; 2]> = (first..height.min(rows.end + REACH) * width).map(&pair).collect();
+        let blurred = |f: &dyn Fn([DVec3; 2]) -> DVec3| blur(pairs.iter().map(|pair| f(*pair)).collect(), width);
+        let (mean_a, mean_b) = (blurred(&|[a, _]| a), blurred(&|[_, b]| b));
+        let (aa, bb, ab) = (blurred(&|[a, _]| a * a), blurred(&|[_, b]| b * b), blurred(&|[a, b]| a * b));
+        let pixels = (rows.start * width..rows.end * width).filter(|pixel| counts(*pixel));
+        pixels.fold((DVec3::ZERO, 0), |(sum, count), pixel| {
+            let i = pixel - first;
             let (ma, mb) = (mean_a[i], mean_b[i]);
             let (va, vb, cov) = (aa[i] - ma * ma, bb[i] - mb * mb, ab[i] - ma * mb);
-            (2.0 * ma * mb + c1) * (2.0 * cov + c2) / ((ma * ma + mb * mb + c1) * (va + vb + c2))
+            let similarity = (2.0 * ma * mb + c1) * (2.0 * cov + c2) / ((ma * ma + mb * mb + c1) * (va + vb + c2));
+            (sum + similarity, count + 1)
         })
-        .sum();
-    sum.element_sum() / (3.0 * pixels.len().max(1) as f64)
+    };
+    let bands: Vec<(DVec3, usize)> = (0..height.div_ceil(BAND)).into_par_iter().map(of_band).collect();
+    let (sum, count) = bands.iter().fold((DVec3::ZERO, 0), |all, band| (all.0 + band.0, all.1 + band.1));
+    sum.element_sum() / (3.0 * count.max(1) as f64)
 }
 
 /// Blurs an image with a Gaussian window of 11 x 11 pixels. At the edges, the window is cut off.
 fn blur(image: Vec<DVec3>, width: usize) -> Vec<DVec3> {
-    let weights: [f64; 11] = std::array::from_fn(|i| (-(i as f64 - 5.0).powi(2) / (2.0 * 1.5 * 1.5)).exp());
+    let weights: [f64; 2 * REACH + 1] =
+        std::array::from_fn(|i| (-(i as f64 - REACH as f64).powi(2) / (2.0 * 1.5 * 1.5)).exp());
     let height = image.len() / width;
-    let pass = |source: &[DVec3], length: usize, stride: usize, place: &(dyn Fn(usize) -> usize + Sync)| {
-        (0..source.len())
-            .into_par_iter()
-            .map(|index| {
-                let at = place(index);
-                let (mut sum, mut total) = (DVec3::ZERO, 0.0);
-                for (tap, weight) in weights.iter().enumerate() {
-                    if let Some(other) = (at + tap).checked_sub(5).filter(|other| *other < length) {
-                        sum += *weight * source[index + other * stride - at * stride];
-                        total += weight;
-                    }
+    let pass = |source: &[DVec3], length: usize, stride: usize, place: &dyn Fn(usize) -> usize| {
+        let at = |index: usize| {
+            let at = place(index);
+            let (mut sum, mut total) = (DVec3::ZERO, 0.0);
+            for (tap, weight) in weights.iter().enumerate() {
+                if let Some(other) = (at + tap).checked_sub(REACH).filter(|other| *other < length) {
+                    sum += *weight * source[index + other * stride - at * stride];
+                    total += weight;
                 }
-                sum / total
-            })
-            .collect::<Vec<_>>()
+            }
+            sum / total
+        };
+        (0..source.len()).map(at).collect::<Vec<_>>()
     };
     let rows = pass(&image, width, 1, &|index| index % width);
     pass(&rows, height, width, &|index| index / width)
@@ -163,7 +199,11 @@ fn blur(image: Vec<DVec3>, width: usize) -> Vec<DVec3> {
 
 #[cfg(test)]
 mod tests {
+    use glam::DMat3;
+    use plenoctree::{BakeSettings, Basis, bake};
+
     use super::*;
+    use crate::fit::input::{Distortion, Lens};
 
     /// What does not count does not help either.
     #[test]
@@ -175,8 +215,59 @@ mod tests {
         let (a, b) = (image(1), image(2));
         let all = ssim(&a, &b, 64);
         // Away from the border between both halves.
-        let noise = ssim_where(&a, &b, 64, |at| at % 64 >= 40);
+        let noise = similarity(64 * 64, 64, |at| [a[at], b[at]], |at| at % 64 >= 40);
         assert!(all > 0.4 && noise < 0.1, "{all} {noise}");
+    }
+
+    /// Large photographs are averaged, but compared pixel by pixel.
+    #[test]
+    fn comparisons_of_large_photographs_are_small() {
+        let settings = BakeSettings { depth: 2, basis: Basis::Rgba, directions: 8, ..Default::default() };
+        let nothing = bake(&settings, |_| 0.0, |_| |_| DVec3::ONE).unwrap();
+        let lens = Lens { focal: DVec2::ONE, center: DVec2::ONE, distortion: Distortion::None };
+        let camera = ViewCamera::undistorted(2100, 7, lens, DMat3::IDENTITY, DVec3::ZERO);
+        let pixels = (0..2100 * 7).map(|at| [[0, 51, 255], [51, 102, 0], [102, 0, 255]][at % 3]);
+        let pixels = pixels.map(|[r, g, b]| [r, g, b, 255]).collect();
+        let picture = Picture { width: 2100, height: 7, pixels, knows_opacity: false };
+        let found = compare(&nothing, &Backdrop::Color(Vec3::ZERO), "a", &camera, &picture);
+        assert_eq!((found.width, found.height, found.photographed.len()), (700, 2, 1400));
+        assert!(found.photographed.iter().all(|color| *color == [51, 51, 170]));
+        assert!(found.rendered.iter().all(|color| *color == [0; 3]));
+        let squares = [0.0, 0.04, 1.0, 0.04, 0.16, 0.0, 0.16, 0.0, 1.0];
+        assert!((found.psnr - decibels(squares.iter().sum::<f64>() / 9.0)).abs() < 1e-4, "{}", found.psnr);
+    }
+
+    /// Bands of rows give the same as windows around each pixel, whatever the height.
+    #[test]
+    fn similarity_is_that_of_whole_windows() {
+        let width = 7;
+        for height in [1, 5, 64, 67, 140] {
+            let mut random = plenoctree::random::Random::new(height as u64);
+            let mut image = || -> Vec<DVec3> {
+                (0..width * height).map(|_| DVec3::from_array(std::array::from_fn(|_| random.fraction()))).collect()
+            };
+            let (a, b) = (image(), image());
+            let mut expected = 0.0;
+            for at in 0..width * height {
+                // The weighted means of both images and of their products.
+                let (mut means, mut total) = ([DVec3::ZERO; 5], 0.0);
+                for other in 0..width * height {
+                    let across = (at % width) as f64 - (other % width) as f64;
+                    let down = (at / width) as f64 - (other / width) as f64;
+                    if across.abs() < 6.0 && down.abs() < 6.0 {
+                        let weight = (-(across * across + down * down) / 4.5).exp();
+                        let (a, b) = (a[other], b[other]);
+                        (0..5).for_each(|index| means[index] += weight * [a, b, a * a, b * b, a * b][index]);
+                        total += weight;
+                    }
+                }
+                let [ma, mb, aa, bb, ab] = means.map(|mean| mean / total);
+                let similarity = (2.0 * ma * mb + 1e-4) * (2.0 * (ab - ma * mb) + 9e-4)
+                    / ((ma * ma + mb * mb + 1e-4) * (aa - ma * ma + bb - mb * mb + 9e-4));
+                expected += similarity.element_sum() / (3 * width * height) as f64;
+            }
+            assert!((ssim(&a, &b, width) - expected).abs() < 1e-9, "{height}");
+        }
     }
 
     /// An image is identical to itself, hardly similar to noise, and less similar to a copy the more that is shifted.

@@ -13,13 +13,16 @@ pub struct FitReport {
     pub cube: [[f64; 3]; 2],
     /// The matrix, row by row, from the input's frame to the field's, if the field was turned upright.
     pub from_input: Option<[[f64; 4]; 4]>,
+    /// How much the cameras agree on the direction that was turned up, if the field was: the length of their mean, at most
+    /// 1. Below [`Self::LEAST_UP_AGREEMENT`], it is not certain.
+    pub up_agreement: Option<f64>,
     /// Leaves of the field.
     pub leaves: usize,
     /// Levels of the field.
     pub depth: u32,
     /// The share of the voxels that are in the largest part, if only that is kept.
     pub largest_part: Option<f64>,
-    /// Whether the fit was stopped early.
+    /// Whether the fit was stopped early, in training or while it was measured.
     pub stopped: bool,
     /// Why the state of a fit that was stopped could not be saved. It cannot be resumed from there, but perhaps from an
     /// earlier checkpoint.
@@ -38,6 +41,11 @@ pub struct FitReport {
     pub suspicious: Vec<SuspiciousView>,
     /// Exposure of each view relative to the mean, per channel, if it was learned.
     pub gains: Option<Vec<[f32; 3]>>,
+}
+
+impl FitReport {
+    /// The least [`Self::up_agreement`] with which the field certainly stands.
+    pub const LEAST_UP_AGREEMENT: f64 = 0.5;
 }
 
 /// How well the held-out views are matched.

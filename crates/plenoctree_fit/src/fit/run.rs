@@ -72,7 +72,7 @@ pub fn fit(
     settings.validate()?;
     let start = Instant::now();
     progress.update(|status| status.stage = "reading".into());
-    let turned = settings.stand.then(|| stand::upright(&input.views));
+    let (turned, agreement) = settings.stand.then(|| stand::upright(&input.views)).unzip();
     let turn = |input: &FitInput| turned.map_or_else(|| input.clone(), |turn| stand::turned(input, turn));
     let (input, test) = (&turn(input), test.map(turn));
     let is_held_out = |index: usize| test.is_none() && settings.holds_out(index);
@@ -226,19 +226,23 @@ pub fn fit(
     let training = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
-    let shown = match (&model.backdrop, settings.background) {
+    let shown = match (model.backdrop, settings.background) {
         (Backdrop::Random, color) => Backdrop::Color(color.unwrap_or(DVec3::ONE).as_vec3()),
-        (other, _) => other.clone(),
+        (other, _) => other,
     };
+    // Measuring needs memory, too.
+    drop((gallery, measured, model.grid));
     // The pictures show what is cut away, too.
-    let (held_out, previews) = measure(&whole, &shown, &held_out, settings)?;
+    let (held_out, previews) = measure(&whole, &shown, &held_out, settings, progress)?;
     report.held_out = held_out;
+    report.stopped = progress.is_stopped();
     let (mut field, mut cube) = (cut.unwrap_or(whole), place.cube);
     if let Some(turn) = turned {
         let shift = -field.foot().unwrap_or_default();
         field = field.shifted(shift)?;
         cube.low += shift;
         report.from_input = Some(stand::matrix(turn, shift));
+        report.up_agreement = agreement;
     }
     report.leaves = field.leaves();
     report.depth = field.depth();
@@ -317,19 +321,25 @@ fn border(TrainView { picture, camera, .. }: &TrainView) -> (DVec3, f64) {
     })
 }
 
-/// Compares the field with all held-out views.
+/// Compares the field with all held-out views. Ends early if `progress` is stopped meanwhile, but not if training was:
+/// the result could not be compared with others.
 fn measure(
     field: &PlenOctree,
     backdrop: &Backdrop,
     views: &[View],
     settings: &FitSettings,
+    progress: &FitProgress,
 ) -> Result<(Option<HeldOut>, Vec<Comparison>), FitError> {
     if views.is_empty() {
         return Ok((None, Vec::new()));
     }
     let every = views.len().div_ceil(MOST_PREVIEWS).max(1);
     let (mut held_out, mut previews) = (HeldOut::default(), Vec::new());
+    let goes_on = progress.is_stopped();
     for (index, view) in views.iter().enumerate() {
+        if index > 0 && progress.is_stopped() && !goes_on {
+            break;
+        }
         let loaded = load(view, index, settings)?;
         let compared = compare(field, backdrop, &view.name, &loaded.camera, &loaded.picture);
         held_out.views.push(ViewReport {
@@ -342,7 +352,8 @@ fn measure(
             previews.push(compared);
         }
     }
-    let mean = |value: fn(&ViewReport) -> f64| held_out.views.iter().map(value).sum::<f64>() / views.len() as f64;
+    let count = held_out.views.len() as f64;
+    let mean = |value: fn(&ViewReport) -> f64| held_out.views.iter().map(value).sum::<f64>() / count;
     (held_out.psnr_db, held_out.ssim) = (mean(|view| view.psnr_db), mean(|view| view.ssim));
     held_out.aligned_psnr_db = mean(|view| view.aligned_psnr_db);
     Ok((Some(held_out), previews))

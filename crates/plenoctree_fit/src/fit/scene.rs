@@ -114,7 +114,7 @@ fn around(low: DVec3, high: DVec3) -> Cube {
 }
 
 /// Returns the point nearest to the optical axes of all cameras, and the median distance of the cameras from it.
-fn focus(cameras: &[ViewCamera]) -> Result<(DVec3, f64), FitError> {
+pub fn focus(cameras: &[ViewCamera]) -> Result<(DVec3, f64), FitError> {
     let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
     for camera in cameras {
         let axis = camera.axis();

@@ -50,7 +50,8 @@ pub struct FitSettings {
     /// Resume from the checkpoint if there is one. The field is then as good as if the fit had not been interrupted,
     /// but not identical.
     pub resume: bool,
-    /// Turn the field so that the mean up direction of the cameras is its z axis, and place it on the origin.
+    /// Turn the field so that the mean up direction of the cameras is its z axis, and place it on the origin. That
+    /// direction follows from the EXIF orientation of the pictures or, without it, from how their cameras are turned.
     pub stand: bool,
     /// Memory for pictures, in bytes. If they need more, only some are loaded at a time. 1.5 GB by default.
     pub picture_memory: u64,

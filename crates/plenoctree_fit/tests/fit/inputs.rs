@@ -66,6 +66,39 @@ fn radial([k1, k2]: [f64; 2], tangential: [f64; 2]) -> Distortion {
     Distortion::Radial { radial: [k1, k2, 0.0, 0.0], tangential }
 }
 
+/// Pictures that are scaled copies of those whose cameras were found have the same rays, and a note says so.
+#[test]
+fn scaled_pictures_have_the_same_rays() {
+    let folder = folder("scaled");
+    let cameras = cameras(3);
+    write_pictures(&folder.join("images"), &cameras, None, |_| 1.0);
+    let same_rays = |path: &std::path::Path| {
+        let input = read(path).unwrap();
+        assert_eq!(
+            input.notes.iter().filter(|note| note.contains("to 40x40 from 120x120")).count(),
+            1,
+            "{:?}",
+            input.notes
+        );
+        for (view, camera) in input.views.iter().zip(&cameras) {
+            let lens = view.camera.lens;
+            assert_eq!(lens.distortion, radial([0.1, 0.0], [0.0; 2]));
+            assert!((lens.focal - DVec2::splat(50.0)).length() < 1e-9, "{lens:?}");
+            assert!((lens.center - DVec2::new(19.0, 21.0)).length() < 1e-9, "{lens:?}");
+            assert!(view.camera.position.distance(camera.position) < 1e-9);
+        }
+    };
+    write_colmap_text(&folder, &cameras, "1 OPENCV 120 120 150 150 57 63 0.1 0 0 0");
+    same_rays(&folder);
+    fs::create_dir_all(folder.join("transforms")).unwrap();
+    write_transforms(&folder.join("transforms"), &cameras);
+    let file = folder.join("transforms/transforms.json");
+    let text = fs::read_to_string(&file).unwrap().replace("./v_", "../images/v_");
+    let lens = r#"{"w": 120, "h": 120, "fl_x": 150, "cx": 57, "cy": 63, "k1": 0.1,"#;
+    fs::write(&file, text.replace("camera_angle_x", "angle").replacen('{', lens, 1)).unwrap();
+    same_rays(&file);
+}
+
 /// Frames may have their own intrinsics, as nerfstudio writes them.
 #[test]
 fn frames_have_their_own_lenses() {
@@ -97,6 +130,24 @@ fn masks_and_downscaling_keep_colors() {
     let half = Picture::read(&folder.join("a.png"), Some(&folder.join("mask.png")), 2).unwrap();
     assert_eq!((half.width, half.height, half.knows_opacity), (2, 1, true));
     assert_eq!(half.pixels, [[100, 50, 25, 128]; 2]);
+}
+
+/// Masks that differ from frame to frame show the object, unlike in nerfstudio, and a note says so.
+#[test]
+fn masks_of_single_frames_are_noted() {
+    let folder = folder("own_masks");
+    write_pictures(&folder, &cameras(3), None, |_| 1.0);
+    write_transforms(&folder, &cameras(3));
+    let mask = image::GrayImage::from_pixel(SIZE, SIZE, image::Luma([255]));
+    (0..2).for_each(|index| mask.save(folder.join(format!("mask_{index}.png"))).unwrap());
+    let file = folder.join("transforms.json");
+    let mut json: serde_json::Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
+    (0..2).for_each(|index| json["frames"][index]["mask_path"] = format!("mask_{index}.png").into());
+    fs::write(&file, json.to_string()).unwrap();
+    let input = read(&folder).unwrap();
+    assert!(input.views[0].mask.is_some() && input.ignored.is_none());
+    assert_eq!(input.notes.len(), 1);
+    assert!(input.notes[0].starts_with("2 of 3 frames have masks of their own"), "{:?}", input.notes);
 }
 
 /// Masks may consist of zeros and ones, be an opacity, and be in the same folders as their pictures.
@@ -372,7 +423,7 @@ fn errors_name_file_and_reason() {
         assert!(expected.iter().all(|part| message.contains(part)), "{message}");
     };
     fails(&good.replace("./v_", "./w_"), &["transforms.json", "frames[0].file_path: found no file", "w_0"]);
-    fails(&good.replacen('{', r#"{"w": 41, "h": 40,"#, 1), &["v_0.png", "size", "40x40", "41x40"]);
+    fails(&good.replacen('{', r#"{"w": 44, "h": 40,"#, 1), &["v_0.png", "size", "40x40", "44x40"]);
     fails(&good.replacen('{', r#"{"h": 41,"#, 1), &["v_0.png", "size", "40x40", "a height of 41"]);
     fails(&good.replace("camera_angle_x", "angle"), &["camera_angle_x"]);
     fails(r#"{"camera_angle_x": 0.6, "frames": []}"#, &["0 views"]);
@@ -396,9 +447,9 @@ fn errors_name_file_and_reason() {
     assert!(read(&folder).unwrap_err().contains("FOV"));
     write_colmap_text(&folder, &cameras, "1 EQUIRECTANGULAR 40 40 40 40");
     assert!(read(&folder).unwrap_err().contains("model EQUIRECTANGULAR"));
-    write_colmap_text(&folder, &cameras, "1 PINHOLE 41 40 50 50 20 20");
+    write_colmap_text(&folder, &cameras, "1 PINHOLE 44 40 50 50 20 20");
     let message = read(&folder).unwrap_err();
-    assert!(message.contains("v_0.png") && message.contains("41x40"), "{message}");
+    assert!(message.contains("v_0.png") && message.contains("44x40"), "{message}");
     write_colmap_text(&folder, &cameras, "2 PINHOLE 40 40 50 50 20 20");
     assert!(read(&folder).unwrap_err().contains("camera 1"));
     write_colmap_text(&folder, &cameras, "\u{7} PINHOLE 40 40 50 50 20 20");

@@ -153,6 +153,30 @@ fn exposures_of_large_pictures_are_learned() {
     assert!((ratio - 0.8).abs() < 0.08, "{ratio}");
 }
 
+/// Pictures of which only some fit in memory at a time give a field that is about as good: each stage looks at all of
+/// them. Nor does it end because those in memory do not show the object.
+#[test]
+fn pictures_may_exceed_the_memory() {
+    let folder = photographed("memory", 32);
+    let large = 240;
+    for index in 0..32 {
+        let path = folder.join(format!("v_{index}.png"));
+        let picture = image::open(&path).unwrap();
+        picture.resize_exact(large, large, image::imageops::FilterType::Triangle).save(path).unwrap();
+    }
+    let mut views = cameras(32);
+    views[29].rotation *= DMat3::from_rotation_y(3.0);
+    write_transforms(&folder, &views);
+    let input = FitInput::read(&folder, &InputFolders::default()).unwrap();
+    // There are more tiles in four pictures than a stage trains on.
+    let [all, four, one] = [32, 4, 1].map(|pictures| {
+        let picture_memory = pictures * 4 * u64::from(large).pow(2);
+        let settings = FitSettings { effort: 0.03, picture_memory, ..quick() };
+        fit(&input, None, &settings, &FitProgress::default()).unwrap().report.held_out.unwrap().psnr_db
+    });
+    assert!(four > all - 0.5 && one > all - 1.0, "{all} {four} {one}");
+}
+
 /// What is behind the object on a tiled table that reaches beyond the cameras.
 fn table(origin: DVec3, direction: DVec3) -> DVec3 {
     let at = origin + direction * ((-0.9 - origin.z) / direction.z);

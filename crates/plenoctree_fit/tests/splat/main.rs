@@ -278,7 +278,7 @@ fn assumed_axes_are_known() {
     }
 }
 
-/// Comments of PLY files, a flag of SPZ and a key of SOG say that a capture was trained with antialiasing.
+/// Comments of PLY files, a flag of SPZ and keys of SOG say that a capture was trained with antialiasing.
 #[test]
 fn antialiased_captures_are_known() {
     let splats = small(1);
@@ -292,6 +292,7 @@ fn antialiased_captures_are_known() {
         ("comment Exported from Brush\ncomment SplatRenderMode: default\n", false),
         ("comment antialiased 1\n", true),
         ("comment antialiased 0\n", false),
+        ("comment postshot.anti_aliasing=1\n", true),
     ] {
         assert_eq!(commented(comments).antialiased(), expected, "{comments}");
     }
@@ -303,11 +304,48 @@ fn antialiased_captures_are_known() {
     assert!(turned(&flagged, TO_GLTF).antialiased() && flagged.filtered(|_| true).antialiased());
     let mut files = sog(&splats, 2);
     assert!(!read(&zip(&files)).unwrap().antialiased());
-    for (model, expected) in [("antialiased", true), ("2dgs", false)] {
+    for (key, value, expected) in [
+        ("model", json!("antialiased"), true),
+        ("model", json!("2dgs"), false),
+        ("antialias", json!(true), true),
+        ("antialias", json!(false), false),
+        ("antialias", json!(null), false),
+    ] {
         let mut meta: serde_json::Value = serde_json::from_slice(&files[0].1).unwrap();
-        meta["model"] = json!(model);
+        meta[key] = value;
         files[0].1 = meta.to_string().into_bytes();
         assert_eq!(read(&zip(&files)).unwrap().antialiased(), expected);
+    }
+}
+
+/// Raw files of Mip-Splatting keep the width of their 3D filter apart. It widens Gaussians, whose opacity falls as their
+/// volume grows, and the capture is antialiased.
+#[test]
+fn filters_of_mip_splatting_are_applied() {
+    let splats = small(0);
+    let widths = [0.0, 0.02, 0.3, 5.0, 0.001];
+    let text = String::from_utf8(ply(&splats, PlyFormat::Ascii)).unwrap();
+    let (header, rows) = text.split_once("end_header\n").unwrap();
+    let place = header.find("property float rot_0").unwrap();
+    let column = header[header.find("element vertex").unwrap()..place].matches("property").count();
+    let header = format!("{}property float filter_3D\n{}", &header[..place], &header[place..]);
+    let rows: Vec<String> = (rows.lines().enumerate())
+        .map(|(row, line)| {
+            let mut words: Vec<String> = line.split_whitespace().map(String::from).collect();
+            if let Some(width) = widths.get(row) {
+                words.insert(column, width.to_string());
+            }
+            words.join(" ")
+        })
+        .collect();
+    let found = read(format!("{header}end_header\n{}\n", rows.join("\n")).as_bytes()).unwrap();
+    assert!(found.antialiased() && found.len() == 5);
+    for ((found, raw), width) in found.gaussians().iter().zip(splats.gaussians()).zip(widths) {
+        let square = |scale: Vec3| (scale * scale).as_dvec3();
+        let expected = square(raw.scale) + f64::from(width as f32).powi(2);
+        assert!((square(found.scale) / expected - 1.0).abs().max_element() < 1e-4, "{found:?}");
+        let ratio = (square(raw.scale) / expected).element_product().sqrt();
+        assert!((f64::from(found.opacity) / (f64::from(raw.opacity) * ratio) - 1.0).abs() < 1e-4, "{found:?}");
     }
 }
 

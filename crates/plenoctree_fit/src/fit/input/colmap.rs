@@ -17,7 +17,10 @@ use super::{
     transforms::find,
     view::{CameraMaker, View},
 };
-use crate::fit::error::FitError;
+use crate::{
+    file::{Bytes, Fault},
+    fit::error::FitError,
+};
 
 /// Camera models by their number: the name, and the number of parameters.
 const MODELS: [(&str, usize); 18] = [
@@ -59,7 +62,7 @@ struct Image {
 /// Reads the model in a folder. The points may be missing.
 pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
     let (cameras, images) = if folder.join("cameras.bin").exists() {
-        (cameras_of(Bytes::open(folder.join("cameras.bin"))?)?, images_of(Bytes::open(folder.join("images.bin"))?)?)
+        (open(&folder.join("cameras.bin"), cameras_of)?, open(&folder.join("images.bin"), images_of)?)
     } else {
         (
             cameras_of_text(Lines::open(folder.join("cameras.txt"))?)?,
@@ -68,7 +71,7 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
     };
     let (binary, text) = (folder.join("points3D.bin"), folder.join("points3D.txt"));
     let points = if binary.exists() {
-        points_of(Bytes::open(binary)?)?
+        open(&binary, points_of)?
     } else if text.exists() {
         points_of_text(Lines::open(text)?)?
     } else {
@@ -91,7 +94,7 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
     if let (true, Some(first)) = (found.is_empty(), missing.first()) {
         return Err(FitError::found(folder, "pictures", format!("no file {}", first.display()), "a PNG or JPEG file"));
     }
-    let mut maker = CameraMaker::default();
+    let (mut maker, mut notes) = (CameraMaker::default(), Vec::new());
     let views = (found.into_iter())
         .map(|(image, path)| {
             let what = format!("image {}", image.name);
@@ -99,9 +102,14 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
                 FitError::found(folder, what.clone(), format!("camera {}", image.camera), "one of the cameras")
             })?;
             let size = picture::size(&path)?;
-            if (u64::from(size.0), u64::from(size.1)) != (camera.width, camera.height) {
-                let expected = format!("{}x{}, as camera {} states", camera.width, camera.height, image.camera);
+            let stated = (camera.width as f64, camera.height as f64);
+            let Some(scale) = picture::scale(size, stated) else {
+                let expected =
+                    format!("{}x{}, as camera {} states, or a scaled copy", camera.width, camera.height, image.camera);
                 return Err(FitError::found(&path, "size", format!("{}x{}", size.0, size.1), expected));
+            };
+            if scale != DVec2::ONE && notes.is_empty() {
+                notes.push(picture::scaled_note(size, stated));
             }
             // As in COLMAP, quaternions of any length are rotations.
             let length = image.rotation.length();
@@ -117,14 +125,15 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
             let to_world = DMat3::from_quat(image.rotation.normalize()).transpose();
             let position = -(to_world * image.translation);
             let rotation = DMat3::from_cols(to_world.x_axis, -to_world.y_axis, -to_world.z_axis);
-            let camera = maker.camera(size.0, size.1, camera.lens, rotation, position).map_err(|point| {
-                let found = format!("a lens without a direction at {point}");
-                FitError::found(folder, format!("camera {}", image.camera), found, "a lens that covers the picture")
-            })?;
+            let camera =
+                maker.camera(size.0, size.1, camera.lens.scaled(scale), rotation, position).map_err(|point| {
+                    let found = format!("a lens without a direction at {point}");
+                    FitError::found(folder, format!("camera {}", image.camera), found, "a lens that covers the picture")
+                })?;
             Ok(View { name: image.name, picture: path, mask: None, camera })
         })
         .collect::<Result<_, _>>()?;
-    Ok(FitInput { views, points, missing, ..FitInput::default() })
+    Ok(FitInput { views, points, missing, notes, ..FitInput::default() })
 }
 
 /// Returns whether a folder has a model.
@@ -166,11 +175,11 @@ fn pictures(folder: &Path, folders: &InputFolders, images: &[Image]) -> Result<P
 }
 
 /// Makes a lens from the parameters of a camera model.
-fn lens(file: &Path, camera: u64, model: &str, p: &[f64]) -> Result<Lens, FitError> {
+fn lens(camera: u64, model: &str, p: &[f64]) -> Result<Lens, Fault> {
     let what = format!("camera {camera}");
     let count = MODELS.iter().find(|(name, _)| *name == model).map(|(_, count)| *count);
     if count.is_some_and(|count| count != p.len()) {
-        return Err(FitError::found(file, what, format!("{} parameters", p.len()), format!("those of {model}")));
+        return Err(Fault::found(what, format!("{} parameters", p.len()), format!("those of {model}")));
     }
     let radial = |k1, k2, p1, p2| match [k1, k2, p1, p2] {
         [0.0, 0.0, 0.0, 0.0] => Distortion::None,
@@ -197,112 +206,66 @@ fn lens(file: &Path, camera: u64, model: &str, p: &[f64]) -> Result<Lens, FitErr
             let expected = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, \
                             SIMPLE_FISHEYE, FISHEYE, SIMPLE_RADIAL_FISHEYE or RADIAL_FISHEYE (or undistort the \
                             pictures with COLMAP's image_undistorter)";
-            return Err(FitError::found(file, what, format!("model {other}"), expected));
+            return Err(Fault::found(what, format!("model {other}"), expected));
         }
     };
     if p.iter().any(|p| !p.is_finite() || p.abs() > 1e7) || focal.min_element() < 1e-3 {
-        return Err(FitError::found(
-            file,
-            what,
-            format!("parameters {p:?}"),
-            "finite numbers, and focal lengths above 0",
-        ));
+        return Err(Fault::found(what, format!("parameters {p:?}"), "finite numbers, and focal lengths above 0"));
     }
     Ok(Lens { focal, center, distortion })
 }
 
-/// A binary file being read.
-struct Bytes {
-    path: PathBuf,
-    bytes: Vec<u8>,
-    at: usize,
+/// Reads a binary file.
+fn open<T>(path: &Path, parse: impl FnOnce(&mut Bytes) -> Result<T, Fault>) -> Result<T, FitError> {
+    let bytes = fs::read(path).map_err(FitError::io(path))?;
+    parse(&mut Bytes::new(&bytes)).map_err(FitError::fault(path))
 }
 
-impl Bytes {
-    fn open(path: PathBuf) -> Result<Self, FitError> {
-        let bytes = fs::read(&path).map_err(FitError::io(&path))?;
-        Ok(Self { path, bytes, at: 0 })
-    }
-
-    fn take<const N: usize>(&mut self) -> Result<[u8; N], FitError> {
-        let found = self.bytes.get(self.at..).and_then(|rest| rest.first_chunk::<N>()).copied();
-        self.at += N;
-        found.ok_or_else(|| self.truncated())
-    }
-
-    fn skip(&mut self, bytes: u64) -> Result<(), FitError> {
-        let end = usize::try_from(bytes).ok().and_then(|bytes| self.at.checked_add(bytes));
-        self.at = end.filter(|&end| end <= self.bytes.len()).ok_or_else(|| self.truncated())?;
-        Ok(())
-    }
-
-    fn int(&mut self) -> Result<u64, FitError> {
-        self.take().map(u64::from_le_bytes)
-    }
-
-    fn small(&mut self) -> Result<u64, FitError> {
-        self.take().map(|bytes| u32::from_le_bytes(bytes).into())
-    }
-
-    fn float(&mut self) -> Result<f64, FitError> {
-        self.take().map(f64::from_le_bytes)
-    }
-
-    fn vector(&mut self) -> Result<DVec3, FitError> {
-        Ok(DVec3::new(self.float()?, self.float()?, self.float()?))
-    }
-
-    fn text(&mut self) -> Result<String, FitError> {
-        let rest = self.bytes.get(self.at..).unwrap_or_default();
-        let end = rest.iter().position(|&byte| byte == 0).ok_or_else(|| self.truncated())?;
-        let text = String::from_utf8_lossy(&rest[..end]).into_owned();
-        self.at += end + 1;
-        Ok(text)
-    }
-
-    fn truncated(&self) -> FitError {
-        let found = format!("the end of the file after {} bytes", self.bytes.len());
-        FitError::found(&self.path, "file", found, "more entries, as its first bytes state")
-    }
+fn vector(file: &mut Bytes, what: &str) -> Result<DVec3, Fault> {
+    Ok(DVec3::new(file.f64(what)?, file.f64(what)?, file.f64(what)?))
 }
 
-fn cameras_of(mut file: Bytes) -> Result<BTreeMap<u64, Camera>, FitError> {
+fn cameras_of(file: &mut Bytes) -> Result<BTreeMap<u64, Camera>, Fault> {
+    const WHAT: &str = "cameras";
     let mut cameras = BTreeMap::new();
-    for _ in 0..file.int()? {
-        let (id, model) = (file.small()?, file.small()?);
-        let (width, height) = (file.int()?, file.int()?);
+    for _ in 0..file.u64(WHAT)? {
+        let (id, model) = (file.u32(WHAT)?.into(), file.u32(WHAT)?);
+        let (width, height) = (file.u64(WHAT)?, file.u64(WHAT)?);
         let Some((name, count)) = MODELS.get(model as usize) else {
             let expected = "one from 0 (SIMPLE_PINHOLE) to 17 (EQUIRECTANGULAR)";
-            return Err(FitError::found(&file.path, format!("camera {id}"), format!("model {model}"), expected));
+            return Err(Fault::found(format!("camera {id}"), format!("model {model}"), expected));
         };
-        let parameters = (0..*count).map(|_| file.float()).collect::<Result<Vec<_>, _>>()?;
-        cameras.insert(id, Camera { width, height, lens: lens(&file.path, id, name, &parameters)? });
+        let parameters = (0..*count).map(|_| file.f64(WHAT)).collect::<Result<Vec<_>, _>>()?;
+        cameras.insert(id, Camera { width, height, lens: lens(id, name, &parameters)? });
     }
     Ok(cameras)
 }
 
-fn images_of(mut file: Bytes) -> Result<Vec<Image>, FitError> {
+fn images_of(file: &mut Bytes) -> Result<Vec<Image>, Fault> {
+    const WHAT: &str = "images";
     let mut images = Vec::new();
-    for _ in 0..file.int()? {
-        file.small()?;
-        let [w, x, y, z] = [file.float()?, file.float()?, file.float()?, file.float()?];
-        let (translation, camera, name) = (file.vector()?, file.small()?, file.text()?);
-        let points = file.int()?;
-        file.skip(points.saturating_mul(24))?;
-        images.push(Image { rotation: DQuat::from_xyzw(x, y, z, w), translation, camera, name });
+    for _ in 0..file.u64(WHAT)? {
+        file.u32(WHAT)?;
+        let (w, axis) = (file.f64(WHAT)?, vector(file, WHAT)?);
+        let rotation = DQuat::from_xyzw(axis.x, axis.y, axis.z, w);
+        let (translation, camera, name) = (vector(file, WHAT)?, file.u32(WHAT)?.into(), file.text(WHAT)?);
+        let points = file.u64(WHAT)?;
+        file.take(points.saturating_mul(24), WHAT)?;
+        images.push(Image { rotation, translation, camera, name });
     }
     Ok(images)
 }
 
-fn points_of(mut file: Bytes) -> Result<Vec<DVec3>, FitError> {
+fn points_of(file: &mut Bytes) -> Result<Vec<DVec3>, Fault> {
+    const WHAT: &str = "points3D";
     let mut points = Vec::new();
-    for _ in 0..file.int()? {
-        file.int()?;
-        points.push(file.vector()?);
+    for _ in 0..file.u64(WHAT)? {
+        file.u64(WHAT)?;
+        points.push(vector(file, WHAT)?);
         // Color and error.
-        file.skip(3 + 8)?;
-        let track = file.int()?;
-        file.skip(track.saturating_mul(8))?;
+        file.take(3 + 8, WHAT)?;
+        let track = file.u64(WHAT)?;
+        file.take(track.saturating_mul(8), WHAT)?;
     }
     Ok(points)
 }
@@ -342,7 +305,10 @@ fn cameras_of_text(file: Lines) -> Result<BTreeMap<u64, Camera>, FitError> {
         let id = file.value(&line, 0)?;
         let (width, height) = (file.value(&line, 2)?, file.value(&line, 3)?);
         let parameters = (4..line.1.len()).map(|index| file.value(&line, index)).collect::<Result<Vec<_>, _>>()?;
-        cameras.insert(id, Camera { width, height, lens: lens(&file.path, id, line.1[1], &parameters)? });
+        cameras.insert(
+            id,
+            Camera { width, height, lens: lens(id, line.1[1], &parameters).map_err(FitError::fault(&file.path))? },
+        );
     }
     Ok(cameras)
 }

@@ -94,9 +94,14 @@ impl Lens {
     }
 
     /// Returns the lens for a picture downscaled by `factor`.
-    pub fn downscaled(mut self, factor: f64) -> Self {
-        self.focal /= factor;
-        self.center /= factor;
+    pub fn downscaled(self, factor: f64) -> Self {
+        self.scaled(DVec2::splat(factor.recip()))
+    }
+
+    /// Returns the lens for a picture that is so many times as wide and as high.
+    pub(super) fn scaled(mut self, scale: DVec2) -> Self {
+        self.focal *= scale;
+        self.center *= scale;
         self
     }
 }

@@ -84,6 +84,13 @@ impl FitInput {
                 .notes
                 .push(format!("{again} of {all} pictures are left out: they are listed twice, with the same pose"));
         }
+        let gaps = input.views.iter().filter(|view| view.camera.has_gaps()).count();
+        if gaps > 0 {
+            let all = input.views.len();
+            input
+                .notes
+                .push(format!("the lenses of {gaps} of {all} pictures are not defined in parts, which are ignored"));
+        }
         if let Some(folder) = &folders.masks {
             for view in &mut input.views {
                 view.mask = Some(mask_in(folder, &view.name, &view.picture)?);

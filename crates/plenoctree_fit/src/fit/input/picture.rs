@@ -6,7 +6,8 @@ use std::{
     path::Path,
 };
 
-use image::{DynamicImage, GrayImage, ImageDecoder, ImageReader, Luma, RgbImage};
+use glam::DVec2;
+use image::{DynamicImage, GrayImage, ImageDecoder, ImageReader, Luma, RgbImage, metadata::Orientation};
 use zune_jpeg::{
     JpegDecoder,
     zune_core::{colorspace::ColorSpace, options::DecoderOptions},
@@ -101,6 +102,33 @@ pub fn size(path: &Path) -> Result<(u32, u32), FitError> {
     Decoder::open(path).map(|(size, _)| size)
 }
 
+/// Returns how many times as wide and as high as the `stated` size a picture is, if one is a scaled copy of the other,
+/// with sides that are rounded to pixels.
+pub fn scale(size: (u32, u32), stated: (f64, f64)) -> Option<DVec2> {
+    let (size, stated) = (DVec2::new(size.0.into(), size.1.into()), DVec2::from(stated));
+    let is_copy = |copy: DVec2, of: DVec2| {
+        let (least, most) = ((copy - 1.0) / of, (copy + 1.0) / of);
+        least.x < most.y && least.y < most.x
+    };
+    let is_scaled = stated.min_element() >= 1.0 && (is_copy(size, stated) || is_copy(stated, size));
+    (size == stated || is_scaled).then(|| size / stated)
+}
+
+/// Says that pictures are scaled, for a warning.
+pub fn scaled_note((width, height): (u32, u32), stated: (f64, f64)) -> String {
+    format!("pictures are scaled, such as to {width}x{height} from {}x{}, and so are their lenses", stated.0, stated.1)
+}
+
+/// Returns how a picture is to be turned before it is shown, as its EXIF data says.
+pub fn orientation(path: &Path) -> Orientation {
+    let orientation = match Decoder::open(path) {
+        Ok((_, Decoder::Jpeg(decoder))) => decoder.exif().and_then(|exif| Orientation::from_exif_chunk(exif)),
+        Ok((_, Decoder::Png(mut decoder))) => decoder.orientation().ok(),
+        Err(_) => None,
+    };
+    orientation.unwrap_or(Orientation::NoTransforms)
+}
+
 /// Reads a whole picture.
 fn decode(path: &Path) -> Result<DynamicImage, FitError> {
     let ((width, height), decoder) = Decoder::open(path)?;
@@ -193,7 +221,63 @@ fn damaged(path: &Path, error: impl std::fmt::Display) -> FitError {
 
 #[cfg(test)]
 mod tests {
+    use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+
     use super::*;
+
+    /// The orientation is what EXIF data says, in JPEG and PNG files, and none without it.
+    #[test]
+    fn orientations_are_read() {
+        let path = std::env::temp_dir().join(format!("plenoctree-orientation-{}", std::process::id()));
+        let written = |bytes: &[u8]| {
+            fs::write(&path, bytes).unwrap();
+            orientation(&path)
+        };
+        for (number, expected) in
+            [(1, Orientation::NoTransforms), (6, Orientation::Rotate90), (8, Orientation::Rotate270)]
+        {
+            // A directory with one entry: the tag 0x112, of one 16-bit number.
+            let exif =
+                [b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".as_slice(), &[number, 0, 0, 0, 0, 0, 0, 0]].concat();
+            let mut png = Vec::new();
+            let mut encoder = PngEncoder::new(&mut png);
+            encoder.set_exif_metadata(exif.clone()).unwrap();
+            encoder.write_image(&[0; 3], 1, 1, ExtendedColorType::Rgb8).unwrap();
+            assert_eq!(written(&png), expected);
+            let length = (2 + 6 + exif.len()) as u16;
+            let segment = [&[0xff, 0xe1][..], &length.to_be_bytes(), b"Exif\0\0", &exif].concat();
+            let frame = [0xff, 0xc0, 0, 11, 8, 0, 3, 0, 4, 1, 1, 0x11, 0];
+            let scan = [0xff, 0xda, 0, 8, 1, 1, 0, 0, 63, 0];
+            assert_eq!(written(&[&[0xff, 0xd8][..], &segment, &frame, &scan].concat()), expected);
+            assert_eq!(written(&[&[0xff, 0xd8][..], &frame, &scan].concat()), Orientation::NoTransforms);
+        }
+        fs::remove_file(&path).unwrap();
+    }
+
+    /// Sides of scaled copies are rounded, up or down. Other sizes are not those of a copy.
+    #[test]
+    fn scaled_copies_are_told_from_others() {
+        let is_copy = |size, stated| scale(size, stated).is_some();
+        // Of Mip-NeRF 360, of Inria's examples, and the same size.
+        for (size, stated) in [
+            ((1297, 840), (5187.0, 3361.0)),
+            ((979, 546), (1957.0, 1091.0)),
+            ((5187, 3361), (1297.0, 840.0)),
+            ((7, 9), (7.0, 9.0)),
+        ] {
+            assert!(is_copy(size, stated), "{size:?} {stated:?}");
+        }
+        for (size, stated) in [
+            ((979, 550), (1957.0, 1091.0)),
+            ((1091, 1957), (1957.0, 1091.0)),
+            ((40, 40), (40.0, f64::NAN)),
+            ((40, 40), (-40.0, -40.0)),
+            ((1, 1), (0.0, 0.0)),
+        ] {
+            assert!(!is_copy(size, stated), "{size:?} {stated:?}");
+        }
+        assert_eq!(scale((50, 20), (100.0, 40.0)), Some(DVec2::splat(0.5)));
+    }
 
     /// The end of a thumbnail is not that of the picture.
     #[test]

@@ -6,7 +6,6 @@ use std::{
 };
 
 use glam::{DMat3, DVec2, DVec3};
-use serde::Deserialize;
 
 use super::{
     lens::{Distortion, Lens},
@@ -17,44 +16,11 @@ use super::{
 use crate::{
     file::{Fault, ply::Ply, without_mark},
     fit::error::FitError,
-    transforms::{Intrinsics, WrongValue, pose},
+    transforms::{Camera, File, Frame, WrongValue, pose},
 };
 
 /// Extensions that the file names of pictures may lack, as in NeRF-synthetic.
 const ENDINGS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
-
-/// The camera of all frames or of one, which takes precedence.
-#[derive(Clone, Default, Deserialize)]
-struct Camera {
-    camera_model: Option<String>,
-    is_fisheye: Option<bool>,
-    #[serde(flatten)]
-    intrinsics: Intrinsics,
-    k1: Option<f64>,
-    k2: Option<f64>,
-    k3: Option<f64>,
-    k4: Option<f64>,
-    p1: Option<f64>,
-    p2: Option<f64>,
-}
-
-#[derive(Deserialize)]
-struct File {
-    #[serde(flatten)]
-    camera: Camera,
-    frames: Vec<Frame>,
-    ply_file_path: Option<String>,
-}
-
-#[derive(Deserialize)]
-struct Frame {
-    #[serde(flatten)]
-    camera: Camera,
-    file_path: Option<String>,
-    file: Option<String>,
-    mask_path: Option<String>,
-    transform_matrix: Vec<Vec<f64>>,
-}
 
 /// Reads a file of cameras, and the sizes of their pictures.
 pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
@@ -91,6 +57,13 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
         }
     }
     let (mut points, mut notes) = (Vec::new(), Vec::new());
+    let mut sizes = frames.iter().zip(&views).map(|(frame, View { camera, .. })| {
+        let size = (camera.width, camera.height);
+        (size, frame.camera.clone().or(file.camera.clone()).stated(size))
+    });
+    if let Some((size, stated)) = sizes.find(|(size, stated)| (size.0.into(), size.1.into()) != *stated) {
+        notes.push(picture::scaled_note(size, stated));
+    }
     if let Some(name) = &file.ply_file_path {
         match find(own_folder(path), name, false) {
             Some(cloud) => points = points_of(&cloud)?,
@@ -110,6 +83,14 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
         for view in &mut views {
             ignored = view.mask.take().or(ignored);
         }
+    }
+    let masked = views.iter().filter(|view| view.mask.is_some()).count();
+    if masked > 0 && folders.masks.is_none() {
+        let all = views.len();
+        notes.push(format!(
+            "{masked} of {all} frames have masks of their own: what is black in them counts as empty, while nerfstudio \
+             ignores it"
+        ));
     }
     Ok(FitInput { views, points, missing, ignored, notes })
 }
@@ -134,7 +115,7 @@ fn points_of(path: &Path) -> Result<Vec<DVec3>, FitError> {
         points.retain(|point| point.is_finite());
         Ok(points)
     };
-    read().map_err(|Fault { what, found, expected }| FitError::found(path, what, found, expected))
+    read().map_err(FitError::fault(path))
 }
 
 /// A frame of the file.
@@ -157,8 +138,7 @@ fn view(
     let fault = |key: &str, found: String, expected: &str| {
         FitError::found(path, format!("frames[{index}].{key}"), found, expected)
     };
-    let name = frame.file_path.as_ref().or(frame.file.as_ref());
-    let name = name.ok_or_else(|| fault("file_path", "nothing".into(), "the path of a picture"))?;
+    let name = frame.name().ok_or_else(|| fault("file_path", "nothing".into(), "the path of a picture"))?;
     let moved = folders.pictures.is_some();
     let Some(picture) = find(folder, name, moved) else { return Ok(Listed::Missing(folder.join(name))) };
     let mask = match &frame.mask_path {
@@ -174,16 +154,21 @@ fn view(
     })?;
     let own = frame.camera.clone().or(common.clone());
     let size = picture::size(&picture)?;
-    let lens = own.lens(size).map_err(|(key, found, expected)| fault(key, found, expected))?;
-    let stated = (own.intrinsics.w.unwrap_or(size.0.into()), own.intrinsics.h.unwrap_or(size.1.into()));
-    if stated != (size.0.into(), size.1.into()) {
+    let stated = own.stated(size);
+    // One side does not tell whether a picture is a scaled copy.
+    let is_whole = own.intrinsics.w.is_some() == own.intrinsics.h.is_some();
+    let scale = picture::scale(size, stated).filter(|scale| is_whole || *scale == DVec2::ONE);
+    let Some(scale) = scale else {
         let expected = match (own.intrinsics.w, own.intrinsics.h) {
-            (Some(width), Some(height)) => format!("{width}x{height}, as w and h in {} state", path.display()),
+            (Some(width), Some(height)) => {
+                format!("{width}x{height}, as w and h in {} state, or a scaled copy", path.display())
+            }
             (Some(width), None) => format!("a width of {width}, as w in {} states", path.display()),
             _ => format!("a height of {}, as h in {} states", stated.1, path.display()),
         };
         return Err(FitError::found(&picture, "size", format!("{}x{}", size.0, size.1), expected));
-    }
+    };
+    let lens = own.lens(stated.into()).map_err(|(key, found, expected)| fault(key, found, expected))?.scaled(scale);
     let camera =
         maker.camera(size.0, size.1, lens, DMat3::from_mat4(pose), pose.w_axis.truncate()).map_err(|point| {
             fault("k1", format!("a lens without a direction at {point}"), "a lens that covers the picture")
@@ -208,23 +193,14 @@ pub fn find(folder: &Path, name: &str, moved: bool) -> Option<PathBuf> {
 }
 
 impl Camera {
-    fn or(self, other: Self) -> Self {
-        Self {
-            camera_model: self.camera_model.or(other.camera_model),
-            is_fisheye: self.is_fisheye.or(other.is_fisheye),
-            intrinsics: self.intrinsics.or(other.intrinsics),
-            k1: self.k1.or(other.k1),
-            k2: self.k2.or(other.k2),
-            k3: self.k3.or(other.k3),
-            k4: self.k4.or(other.k4),
-            p1: self.p1.or(other.p1),
-            p2: self.p2.or(other.p2),
-        }
+    /// Returns the size that the file states, or that of the picture.
+    fn stated(&self, size: (u32, u32)) -> (f64, f64) {
+        (self.intrinsics.w.unwrap_or(size.0.into()), self.intrinsics.h.unwrap_or(size.1.into()))
     }
 
     /// Returns the lens for pictures of this size.
-    fn lens(&self, (width, height): (u32, u32)) -> Result<Lens, WrongValue> {
-        let (focal, center) = self.intrinsics.focal_and_center(DVec2::new(width.into(), height.into()))?;
+    fn lens(&self, size: DVec2) -> Result<Lens, WrongValue> {
+        let (focal, center) = self.intrinsics.focal_and_center(size)?;
         let model = self.camera_model.as_deref().unwrap_or("OPENCV");
         const MODELS: [&str; 6] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV_FISHEYE"];
         if !MODELS.contains(&model) {
@@ -236,8 +212,7 @@ impl Camera {
         if let Some(wrong) = k.iter().chain(&tangential).find(|k| !k.is_finite() || k.abs() > 1e3) {
             return Err(("k1", wrong.to_string(), "coefficients of distortion from -1000 to 1000"));
         }
-        let fisheye = model == "OPENCV_FISHEYE" || self.is_fisheye == Some(true);
-        let distortion = if fisheye {
+        let distortion = if self.is_fisheye() {
             Distortion::Fisheye(k)
         } else if k.iter().chain(&tangential).all(|&k| k == 0.0) {
             Distortion::None

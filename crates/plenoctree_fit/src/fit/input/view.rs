@@ -1,11 +1,14 @@
 //! Views: pictures, and the cameras that took them.
 
-use std::{path::PathBuf, sync::Arc};
+use std::{f64::consts::FRAC_PI_2, path::PathBuf, sync::Arc};
 
 use glam::{DMat3, DVec2, DVec3};
-use image::GrayImage;
+use image::{GrayImage, metadata::Orientation};
 
-use super::lens::{Distortion, Lens};
+use super::{
+    lens::{Distortion, Lens},
+    picture,
+};
 
 /// Smallest distance of the points for which the ray through a distorting lens is computed, in pixels. In between,
 /// directions are interpolated, which is off by less than a hundredth of a pixel.
@@ -50,23 +53,45 @@ struct Directions {
     distance: u32,
     columns: usize,
     values: Vec<DVec3>,
+    /// Whether the lens has no direction at a point, whose value is made up. Empty if it has all.
+    gaps: Vec<bool>,
 }
 
 impl Directions {
-    /// Returns the point of the picture for which there is no direction if the lens is not defined there.
+    /// Returns a point of the picture for which there is no direction, if that is its middle, or if there are more of
+    /// these than of others.
     fn new(width: u32, height: u32, lens: &Lens) -> Result<Self, DVec2> {
+        let middle = 0.5 * DVec2::new(width.into(), height.into());
+        lens.unproject(middle).ok_or(middle)?;
         let distance = ((LATTICE * f64::from(width.max(height))).sqrt() as u32).max(FINEST_LATTICE);
         let (columns, rows) = (width / distance + 2, height / distance + 2);
         let mut values = Vec::with_capacity((columns * rows) as usize);
+        let (mut gaps, mut gap) = (Vec::with_capacity(values.capacity()), None);
         for row in 0..rows {
             for column in 0..columns {
                 let point = DVec2::new(f64::from(column * distance), f64::from(row * distance));
                 let point = point.min(DVec2::new(width.into(), height.into()));
-                let direction = lens.unproject(point).ok_or(point)?;
-                values.push((direction * DVec3::new(1.0, -1.0, -1.0)).normalize());
+                let direction = lens.unproject(point);
+                gaps.push(direction.is_none());
+                gap = gap.or(direction.is_none().then_some(point));
+                let straight = ((point - lens.center) / lens.focal).extend(1.0);
+                values.push((direction.unwrap_or(straight) * DVec3::new(1.0, -1.0, -1.0)).normalize());
             }
         }
-        Ok(Self { distance, columns: columns as usize, values })
+        match gap {
+            None => gaps = Vec::new(),
+            Some(gap) if 2 * gaps.iter().filter(|gap| **gap).count() > gaps.len() => return Err(gap),
+            Some(_) => {}
+        }
+        Ok(Self { distance, columns: columns as usize, values, gaps })
+    }
+
+    /// Returns whether the directions in a pixel are between those of the lens.
+    fn knows(&self, x: u32, y: u32) -> bool {
+        let [x, y] = [x, y].map(|at| (at / self.distance) as usize);
+        let first = y * self.columns + x;
+        let corners = [first, first + 1, first + self.columns, first + self.columns + 1];
+        corners.iter().all(|corner| !self.gaps[*corner])
     }
 }
 
@@ -75,8 +100,8 @@ impl Directions {
 pub struct CameraMaker(Vec<(u32, u32, Lens, Arc<Directions>)>);
 
 impl CameraMaker {
-    /// Creates a camera. Returns the point of the picture for which there is no direction if the lens is not defined
-    /// there.
+    /// Creates a camera. Returns a point of the picture for which there is no direction, if the lens is not defined in
+    /// its middle, or in most of it. Elsewhere, pixels without a direction are not known.
     pub fn camera(
         &mut self,
         width: u32,
@@ -130,9 +155,19 @@ impl ViewCamera {
         self.known.is_some()
     }
 
+    /// Returns whether the lens has no direction for some pixels.
+    pub(super) fn has_gaps(&self) -> bool {
+        self.directions.as_ref().is_some_and(|table| !table.gaps.is_empty())
+    }
+
     /// Returns whether what the picture shows at a pixel is known.
     #[inline]
     pub(in crate::fit) fn knows(&self, x: u32, y: u32) -> bool {
+        if let Some(table) = self.directions.as_ref().filter(|table| !table.gaps.is_empty())
+            && !table.knows(x, y)
+        {
+            return false;
+        }
         let Some(Known { mask, downscale }) = &self.known else { return true };
         let (left, top) = (x * downscale, y * downscale);
         let (right, bottom) = ((left + downscale).min(mask.width()), (top + downscale).min(mask.height()));
@@ -199,6 +234,20 @@ pub struct View {
     pub camera: ViewCamera,
 }
 
+impl View {
+    /// Returns the axes of the picture as it is shown, in the camera's frame: turned as its EXIF data says.
+    pub(in crate::fit) fn shown_axes(&self) -> DMat3 {
+        let quarters = match picture::orientation(&self.picture) {
+            Orientation::Rotate90 | Orientation::Rotate90FlipH => 1.0,
+            Orientation::Rotate180 | Orientation::FlipVertical => 2.0,
+            Orientation::Rotate270 | Orientation::Rotate270FlipH => 3.0,
+            Orientation::NoTransforms | Orientation::FlipHorizontal => 0.0,
+        };
+        // What is at the left of a picture that is to be turned clockwise is up.
+        DMat3::from_rotation_z(quarters * FRAC_PI_2)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -238,6 +287,39 @@ mod tests {
         assert_eq!([-0.6, 0.6].map(|x| camera.sees(DVec3::new(x, 0.0, -1.0)).is_some()), [false, true]);
         let half = camera.downscaled_by(&mut CameraMaker::default(), 2).unwrap();
         assert_eq!([0, 1, 2].map(|x| half.knows(x, 0)), [false, false, true]);
+    }
+
+    /// Pixels for which a lens has no direction are not known, and nothing is seen there; a lens without any in the middle
+    /// is an error.
+    #[test]
+    fn lenses_may_lack_directions_at_the_corners() {
+        // The radius is largest, 0.77, at an angle of 1.15.
+        let distortion = Distortion::Fisheye([-0.25, 0.0, 0.0, 0.0]);
+        let lens = Lens { focal: DVec2::splat(60.0), center: DVec2::splat(40.0), distortion };
+        let camera = |lens| CameraMaker::default().camera(80, 80, lens, DMat3::IDENTITY, DVec3::ZERO);
+        let wide = camera(lens).unwrap();
+        assert!(wide.has_gaps());
+        let known = |camera: &ViewCamera, factor: u32| {
+            for y in 0..camera.height {
+                for x in 0..camera.width {
+                    let point = DVec2::new(x.into(), y.into()) + 0.5;
+                    let radius = f64::from(factor) * (point - camera.lens.center).length();
+                    let (inside, outside) = (radius < 34.0, radius > 48.0);
+                    assert!(!inside && !outside || camera.knows(x, y) == inside, "{x} {y}");
+                    assert!((camera.direction(point).length() - 1.0).abs() < 1e-9);
+                    if camera.knows(x, y) && inside {
+                        let (back, _) = camera.sees(5.0 * camera.direction(point)).unwrap();
+                        assert!((back - point).length() < 0.2, "{point} {back}");
+                    }
+                }
+            }
+        };
+        known(&wide, 1);
+        known(&wide.downscaled_by(&mut CameraMaker::default(), 2).unwrap(), 2);
+        assert!(camera(Lens { center: DVec2::splat(-40.0), ..lens }).is_err());
+        assert!(camera(Lens { focal: DVec2::splat(20.0), ..lens }).is_err());
+        let whole = camera(Lens { focal: DVec2::splat(90.0), ..lens }).unwrap();
+        assert!(!whole.has_gaps() && whole.knows(0, 0));
     }
 
     /// Cameras with the same lens share its directions, and those of a photograph of 12 megapixels take less than 3 MB.

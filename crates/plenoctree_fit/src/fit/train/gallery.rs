@@ -40,7 +40,7 @@ impl Gallery {
         let bytes = |camera: &ViewCamera| 4 * u64::from(camera.width) * u64::from(camera.height);
         let largest = cameras.iter().map(bytes).max().unwrap_or(1);
         let total: u64 = cameras.iter().map(bytes).sum();
-        let at_once = if total <= memory { views.len() } else { (memory / largest) as usize }.max(1);
+        let at_once = if total <= memory { cameras.len() } else { (memory / largest) as usize }.max(1);
         Self { views, cameras, downscale, at_once, held: Vec::new(), waiting: Vec::new() }
     }
 
@@ -84,18 +84,28 @@ impl Gallery {
     ///
     /// Returns an error if a picture cannot be read.
     pub fn next_round(&mut self, random: &mut Random) -> Result<Vec<TrainView>, FitError> {
-        if self.at_once >= self.len() {
-            self.hold(&(0..self.len()).collect::<Vec<_>>())?;
-        } else {
-            if self.waiting.is_empty() {
-                self.waiting = (0..self.len()).collect();
-                random.shuffle(&mut self.waiting);
-            }
-            let rest = self.waiting.len().saturating_sub(self.at_once);
-            let numbers = self.waiting.split_off(rest);
-            self.hold(&numbers)?;
-        }
+        let numbers = self.next_numbers(random);
+        self.hold(&numbers)?;
         Ok(self.held.clone())
+    }
+
+    /// Returns the number of pixels in the files of the views in memory.
+    pub fn pixels_read(&self) -> u64 {
+        let pixels: usize = self.held.iter().map(|view| view.picture.pixels.len()).sum();
+        pixels as u64 * u64::from(self.downscale).pow(2)
+    }
+
+    /// Returns the numbers of these views. Rounds are about equally large.
+    fn next_numbers(&mut self, random: &mut Random) -> Vec<usize> {
+        if self.at_once >= self.len() {
+            return (0..self.len()).collect();
+        }
+        if self.waiting.is_empty() {
+            self.waiting = (0..self.len()).collect();
+            random.shuffle(&mut self.waiting);
+        }
+        let waiting = self.waiting.len();
+        self.waiting.split_off(waiting - waiting.div_ceil(waiting.div_ceil(self.at_once)))
     }
 
     /// Reads these pictures, and drops all others.
@@ -111,5 +121,34 @@ impl Gallery {
         };
         self.held = numbers.par_iter().map(read).collect::<Result<_, FitError>>()?;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec2, DVec3};
+
+    use super::*;
+    use crate::fit::input::{Distortion, Lens};
+
+    /// Rounds over a part of the views show all of them, about equally many at a time, before any is shown again.
+    #[test]
+    fn rounds_are_even_and_show_all_views() {
+        let mut random = Random::new(1);
+        for (views, at_once, sizes) in
+            [(9, 4, vec![3, 3, 3]), (11, 10, vec![6, 5]), (3, 1, vec![1; 3]), (5, 7, vec![5])]
+        {
+            let lens = Lens { focal: DVec2::ONE, center: DVec2::ONE, distortion: Distortion::None };
+            let camera = ViewCamera::undistorted(2, 2, lens, DMat3::IDENTITY, DVec3::ZERO);
+            // A picture takes 16 bytes.
+            let mut gallery = Gallery::new(Vec::new(), vec![camera; views], 1, 16 * at_once);
+            for _ in 0..3 {
+                let rounds: Vec<Vec<usize>> = sizes.iter().map(|_| gallery.next_numbers(&mut random)).collect();
+                assert!(rounds.iter().map(Vec::len).eq(sizes.iter().copied()), "{rounds:?}");
+                let mut shown = rounds.concat();
+                shown.sort_unstable();
+                assert!(shown.into_iter().eq(0..views));
+            }
+        }
     }
 }

@@ -42,6 +42,17 @@ const OPACITY: f32 = 2.0;
 const GAIN_TILES: usize = 8192;
 const TILES_PER_GAIN: usize = 64;
 
+/// How often a stage shows every picture if they do not fit in memory. The mean at the end of a stage, over its last
+/// seventh, is then over all of them.
+const PASSES: f64 = 8.0;
+
+/// The pixels that are read in about the time of a ray: reading takes hardly longer than training. On a core, a ray takes
+/// 7 µs, and a pixel of a PNG file 40 ns.
+const PIXELS_PER_RAY: u64 = 250;
+
+/// The tiles that are drawn at a time from pictures that are soon replaced.
+const DRAWN: usize = 1 << 14;
+
 /// The fraction of a stage's usual rays before which no voxels are removed: in a short time, they are hardly trained.
 const LEAST_FOR_REMOVAL: f64 = 0.02;
 
@@ -88,12 +99,33 @@ pub fn train(
     let gain_tiles = GAIN_TILES.max(TILES_PER_GAIN * gallery.len());
     let no_sums = vec![[Vec3::ZERO; 2]; gallery.len()];
     let (mut sums, mut summed) = (no_sums.clone(), 0);
+    let mut views = Vec::new();
+    // The least fraction of the stage and the fewest rays at which other pictures replace these, if not all are in memory.
+    let mut round = None;
+    // How many views in a row have not seen anything.
+    let mut blind = 0;
     'rounds: while !progress.is_stopped() && (limit.is_some() || stage.fraction(position) < 1.0) {
-        let views = gallery.next_round(random)?;
-        let mut tiles = active_tiles(&model.grid, &views);
-        if tiles.is_empty() {
-            return Err(FitError::Empty);
+        if round.is_none() {
+            // Not both in memory at a time.
+            views.clear();
+            views = gallery.next_round(random)?;
         }
+        let is_part = views.len() < gallery.len();
+        let mut tiles = active_tiles(&model.grid, &views, is_part.then(|| random.bits()));
+        if tiles.is_empty() && is_part {
+            // What is in view may be small.
+            tiles = active_tiles(&model.grid, &views, None);
+        }
+        if tiles.is_empty() {
+            round = None;
+            blind += views.len();
+            // At least one of two passes over all views is complete.
+            if blind >= 2 * gallery.len() {
+                return Err(FitError::Empty);
+            }
+            continue;
+        }
+        blind = 0;
         random.shuffle(&mut tiles);
         for tiles in tiles.chunks(stage.tiles) {
             position.seconds = before + start.elapsed().as_secs_f64();
@@ -103,6 +135,16 @@ pub fn train(
             let fraction = stage.fraction(position);
             if progress.is_stopped() || fraction >= 1.0 {
                 break;
+            }
+            if is_part {
+                let (end, rays) = *round.get_or_insert_with(|| {
+                    let share = views.len() as f64 / gallery.len() as f64 / PASSES;
+                    (fraction + share, position.rays + gallery.pixels_read() / PIXELS_PER_RAY)
+                });
+                if fraction >= end && position.rays >= rays {
+                    round = None;
+                    continue 'rounds;
+                }
             }
             if let Some(&(at, most)) = stage.prune_at.get(position.prunings)
                 && fraction >= at
@@ -170,11 +212,17 @@ fn learn_gains(gains: &mut [Vec3], sums: &[[Vec3; 2]]) {
     gains.iter_mut().for_each(|gain| *gain /= Vec3::from_array(mean));
 }
 
-/// Returns the tiles in which any corner is known and sees a voxel.
-fn active_tiles(grid: &Grid, views: &[TrainView]) -> Vec<Tile> {
+/// Returns the tiles in which any corner is known and sees a voxel: of all tiles or, with a `seed`, of about [`DRAWN`]
+/// random ones.
+fn active_tiles(grid: &Grid, views: &[TrainView], seed: Option<u64>) -> Vec<Tile> {
+    let size = |camera: &ViewCamera| (camera.width.div_ceil(TILE), camera.height.div_ceil(TILE));
+    let count = |view: &TrainView| (size(&view.camera).0 * size(&view.camera).1) as usize;
+    let all: usize = views.iter().map(count).sum();
+    // Of fewer tiles, many would be drawn twice.
+    let seed = seed.filter(|_| all > 4 * DRAWN);
     let in_view = |(index, view): (usize, &TrainView)| {
         let camera = &view.camera;
-        let (columns, rows) = (camera.width.div_ceil(TILE), camera.height.div_ceil(TILE));
+        let (columns, count) = (size(camera).0, count(view));
         let sees = |x: u32, y: u32| {
             let (x, y) = (x.min(camera.width - 1), y.min(camera.height - 1));
             if !camera.knows(x, y) {
@@ -193,9 +241,14 @@ fn active_tiles(grid: &Grid, views: &[TrainView]) -> Vec<Tile> {
             let (right, bottom) = (left + TILE - 1, top + TILE - 1);
             sees(left, top) || sees(right, bottom) || sees(right, top) || sees(left, bottom)
         };
-        let places = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
+        let mut random = seed.map(|seed| Random::of(seed, index as u64));
+        let place = |tile: usize| {
+            let tile = random.as_mut().map_or(tile, |random| random.below(count)) as u32;
+            (tile % columns, tile / columns)
+        };
+        let looked_at = if seed.is_some() { (count * DRAWN).div_ceil(all) } else { count };
         let tile = |(x, y)| Tile { view: index as u32, x: x as u16, y: y as u16 };
-        places.filter(active).map(tile).collect::<Vec<_>>()
+        (0..looked_at).map(place).filter(active).map(tile).collect::<Vec<_>>()
     };
     views.par_iter().enumerate().map(in_view).collect::<Vec<_>>().concat()
 }
@@ -249,4 +302,47 @@ fn around(voxel: Voxel, resolution: u32) -> impl Iterator<Item = UVec3> {
     let size = (voxel.corner + voxel.size + 1).min(UVec3::splat(resolution)) - low;
     let place = move |index: u32| UVec3::new(index / (size.y * size.z), index / size.z % size.y, index % size.z);
     (0..size.element_product()).map(move |index| low + place(index))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{collections::HashSet, sync::Arc};
+
+    use glam::{DMat3, DVec3};
+
+    use super::*;
+    use crate::fit::{
+        grid::Cube,
+        input::{Distortion, Lens, Picture},
+    };
+
+    /// Of many tiles, some are drawn at random, as many of them from each part of the picture that shows something.
+    #[test]
+    fn drawn_tiles_are_active_and_spread() {
+        let mut set = VoxelSet::new(8);
+        for place in 0..512 {
+            set.insert(Voxel::cell(UVec3::new(place / 64, place / 8 % 8, place % 8)));
+        }
+        let grid = Grid::new(Cube { low: DVec3::splat(-0.5), size: 1.0 }, 1, &set);
+        // The cube takes up about a quarter of it.
+        let size = 1200;
+        let lens = Lens {
+            focal: DVec2::splat(0.5 * f64::from(size)),
+            center: DVec2::splat(0.5 * f64::from(size)),
+            distortion: Distortion::None,
+        };
+        let camera = ViewCamera::undistorted(size, size, lens, DMat3::IDENTITY, DVec3::new(0.0, 0.0, 1.5));
+        let picture = Arc::new(Picture { width: size, height: size, pixels: Vec::new(), knows_opacity: true });
+        let views = [TrainView { number: 0, camera, picture, weight: 1.0 }];
+        let all = active_tiles(&grid, &views, None);
+        let some = active_tiles(&grid, &views, Some(7));
+        let share = all.len() as f64 / f64::from((size / TILE).pow(2));
+        assert!((0.2..0.3).contains(&share), "{share}");
+        let places: HashSet<(u16, u16)> = all.iter().map(|tile| (tile.x, tile.y)).collect();
+        assert!(some.iter().all(|tile| places.contains(&(tile.x, tile.y))));
+        let expected = share * DRAWN as f64;
+        assert!((some.len() as f64 / expected - 1.0).abs() < 0.05, "{} {expected}", some.len());
+        let left = some.iter().filter(|tile| u32::from(tile.x) * TILE < size / 2).count();
+        assert!((left as f64 / some.len() as f64 - 0.5).abs() < 0.04, "{left} of {}", some.len());
+    }
 }

@@ -15,6 +15,9 @@ use crate::{
     },
 };
 
+/// The property that raw files of Mip-Splatting have.
+const FILTER: &str = "filter_3D";
+
 /// The properties of a vertex that matter, by their index.
 struct Columns {
     position: [usize; 3],
@@ -22,6 +25,8 @@ struct Columns {
     scale: [Option<usize>; 3],
     rotation: [usize; 4],
     opacity: usize,
+    /// The width of the 3D filter of Mip-Splatting, which its raw files keep apart.
+    filter: Option<usize>,
     /// All coefficients of red, then of green, then of blue.
     coefficients: [Vec<usize>; 3],
     degree: u32,
@@ -38,7 +43,7 @@ pub fn read(bytes: &[u8]) -> Result<Splats, Fault> {
         read_vertices(&mut rows)?
     };
     let (antialiased, up) = described(&ply.comments);
-    splats.set_antialiased(antialiased);
+    splats.set_antialiased(antialiased || rows.element.number(FILTER).is_some());
     splats.set_up(up);
     Ok(splats)
 }
@@ -62,7 +67,9 @@ fn described(comments: &[String]) -> (bool, Option<Axis>) {
         let comment = comment.to_ascii_lowercase();
         if let Some(mode) = comment.strip_prefix("splatrendermode:") {
             antialiased = mode.trim() == "mip";
-        } else if let Some(flag) = comment.strip_prefix("antialiased ") {
+        } else if let Some(flag) =
+            ["antialiased ", "postshot.anti_aliasing="].iter().find_map(|key| comment.strip_prefix(key))
+        {
             antialiased = flag.trim() == "1";
         } else if let Some(axis) = comment.strip_prefix("vertical axis:") {
             let words: Vec<&str> = axis.split_whitespace().collect();
@@ -108,6 +115,7 @@ impl Columns {
             scale: [Some(required("scale_0")?), Some(required("scale_1")?), find("scale_2")],
             rotation: [required("rot_0")?, required("rot_1")?, required("rot_2")?, required("rot_3")?],
             opacity: required("opacity")?,
+            filter: find(FILTER),
             coefficients: [channel(0)?, channel(1)?, channel(2)?],
             degree,
         })
@@ -116,12 +124,18 @@ impl Columns {
     /// Adds the Gaussian whose properties `number` returns by their index.
     fn push(&self, splats: &mut Splats, number: impl Fn(usize) -> f32) {
         let [w, x, y, z] = self.rotation.map(&number);
-        let gaussian = Gaussian {
+        let mut gaussian = Gaussian {
             position: Vec3::from_array(self.position.map(&number)),
             scale: Vec3::from_array(self.scale.map(|index| index.map_or(0.0, |index| number(index).exp()))),
             rotation: Quat::from_xyzw(x, y, z, w),
             opacity: sigmoid(number(self.opacity)),
         };
+        // As its `save_fused_ply` does: a wider Gaussian lets more light through. One without a width may stay so.
+        if let Some(filter) = self.filter.map(&number).filter(|filter| *filter != 0.0) {
+            let wide = (gaussian.scale * gaussian.scale + filter * filter).map(f32::sqrt);
+            gaussian.opacity *= (gaussian.scale / wide).element_product();
+            gaussian.scale = wide;
+        }
         let mut coefficients = [Vec3::ZERO; 16];
         let count = functions(self.degree);
         for (channel, columns) in self.coefficients.iter().enumerate() {

@@ -28,7 +28,8 @@ const MAX_META: u64 = 1 << 20;
 #[derive(Deserialize)]
 struct Meta {
     version: Option<u64>,
-    /// `antialiased` for captures that were trained so.
+    /// `true`, or a `model` of `antialiased`, for captures that were trained so.
+    antialias: Option<Value>,
     model: Option<Value>,
     /// In version 1, `means.shape` has it.
     count: Option<u64>,
@@ -182,7 +183,8 @@ pub fn read_meta(json: Value, mut size: u64, beside: Beside) -> Result<Splats, F
     };
 
     let mut splats = Splats::new(palette.as_ref().map_or(0, |palette| palette.degree));
-    splats.set_antialiased(meta.model.as_ref().and_then(Value::as_str) == Some("antialiased"));
+    let (flag, model) = (meta.antialias, meta.model);
+    splats.set_antialiased(flag == Some(true.into()) || model == Some("antialiased".into()));
     splats.reserve(count);
     let (mins, maxs) = (Vec3::from_array(meta.means.mins), Vec3::from_array(meta.means.maxs));
     let mut coefficients = [Vec3::ZERO; 16];
