@@ -326,6 +326,25 @@ mod tests {
         }
     }
 
+    /// Pixels get labels from an opacity of 80/255 on, so what is never half opaque has tones, too.
+    #[test]
+    fn glass_has_a_tone() {
+        let (red, blue) = (DVec3::new(0.8, 0.1, 0.1), DVec3::new(0.1, 0.2, 0.9));
+        // Two balls, one of which absorbs at most 43% of the light.
+        let density = |at: DVec3| match [-0.5, 0.5].map(|x| at.distance(DVec3::new(x, 0.0, 0.0)) < 0.4) {
+            [true, _] => 1e3,
+            [_, true] => 0.7,
+            _ => 0.0,
+        };
+        let settings = BakeSettings { depth: 6, basis: Basis::Rgba, ..Default::default() };
+        let field = bake(&settings, density, |at| move |_| if at.x < 0.0 { red } else { blue }).unwrap();
+        let palette = extract(&field, &ExtractionSettings::default(), &Progress::default()).unwrap().palette;
+        for color in [red, blue] {
+            let off = |tone: &[f64; 3]| DVec3::from(*tone).distance(color);
+            assert!(palette.colors.iter().any(|tone| off(tone) < 0.05), "{color} in {palette:?}");
+        }
+    }
+
     #[test]
     fn one_color_is_a_palette() {
         for method in PaletteMethod::ALL {
