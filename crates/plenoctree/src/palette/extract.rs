@@ -268,6 +268,7 @@ mod tests {
     use crate::{
         bake::{BakeSettings, bake},
         field::Basis,
+        sampling::SamplingSettings,
     };
 
     fn extract_from_histograms(
@@ -324,6 +325,18 @@ mod tests {
             extract_from_samples(&histograms, &views, &settings, &progress).unwrap();
             assert_eq!(progress.fraction(), 1.0, "{method:?}");
         }
+    }
+
+    /// Recorded histograms count as samples that are taken.
+    #[cfg(feature = "write")]
+    #[test]
+    fn progress_counts_recorded_samples() {
+        let settings = BakeSettings { depth: 3, basis: Basis::Rgba, ..Default::default() };
+        let field = bake(&settings, |_| 50.0, |_| |_| DVec3::splat(0.5)).unwrap();
+        let field = field.recording_histograms(&Progress::default()).unwrap();
+        let progress = Progress::default();
+        sample(&field, &SamplingSettings::default(), &progress).unwrap();
+        assert_eq!(progress.fraction(), 1.0);
     }
 
     /// Pixels get labels from an opacity of 80/255 on, so what is never half opaque has tones, too.
