@@ -87,7 +87,8 @@ pub fn k_means(
 /// Keeps only the two ends of the colors on each line along an axis, since the others cannot be corners. Of the colors
 /// of an 8-bit image, which are on a lattice, only the surface remains.
 fn keep_ends(colors: &mut Vec<[f64; 3]>, axis: usize) {
-    let line = |color: &[f64; 3]| [color[(axis + 1) % 3], color[(axis + 2) % 3]];
+    // Adding 0 makes -0 the same as 0, also to `total_cmp`.
+    let line = |color: &[f64; 3]| [color[(axis + 1) % 3] + 0.0, color[(axis + 2) % 3] + 0.0];
     colors.sort_unstable_by(|a, b| {
         let ([a0, a1], [b0, b1]) = (line(a), line(b));
         a0.total_cmp(&b0).then(a1.total_cmp(&b1)).then(a[axis].total_cmp(&b[axis]))
@@ -105,7 +106,9 @@ mod tests {
     use crate::palette::{ColorCount, PaletteMethod};
 
     fn image() -> impl Strategy<Value = Vec<[f64; 3]>> {
-        let pixel = prop::array::uniform3(0..8u8).prop_map(|p| p.map(|x| f64::from(x) / 7.0));
+        // Some are 0, and some -0.
+        let channel = |x: i8| if x < 0 { -0.0 } else { f64::from(x) / 7.0 };
+        let pixel = prop::array::uniform3(-1..8i8).prop_map(move |p| p.map(channel));
         prop::collection::vec(pixel, 1..200)
     }
 
