@@ -130,11 +130,13 @@ pub fn extract_from_samples(
             seconds.filtering = start.elapsed().as_secs_f64();
             let start = Instant::now();
             let centers: Vec<DVec3> = filtered.centers.iter().map(|&center| center.into()).collect();
+            // The first number of colors to try is the smallest.
+            let mut simplified = None;
             let palette = choose(histograms, settings, progress, |colors| {
-                let simplified = simplify(&centers, colors, progress);
+                let simplified = simplified.get_or_insert_with(|| simplify(&centers, colors, progress));
                 progress.check()?;
-                hull_vertices = Some(simplified.before);
-                let corners = simplified.corners.iter();
+                hull_vertices = Some(simplified.before());
+                let corners = simplified.corners(colors).iter();
                 Ok(order(corners.map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect(), &filtered))
             })?;
             seconds.hull = start.elapsed().as_secs_f64();

@@ -46,26 +46,24 @@ fn height(previous: DVec2, point: DVec2, next: DVec2) -> f64 {
     along.perp_dot(previous - point).abs()
 }
 
-/// Collapses edges of a convex polygon (counterclockwise) until it has at most `max_corners` corners, or no edge can be
-/// collapsed.
+/// Collapses the edge of a convex polygon (counterclockwise) that adds the least area, unless it is a triangle or no
+/// edge can be collapsed.
 ///
 /// An edge collapses to the point where its neighboring edges meet: the solution of the linear program of the solid
-/// case, in a plane. The edge whose collapse adds the least area goes first.
-pub(super) fn simplify(mut polygon: Vec<DVec2>, max_corners: usize) -> Vec<DVec2> {
-    while polygon.len() > max_corners.max(3) {
-        let count = polygon.len();
-        let collapses = (0..count).filter_map(|i| {
-            let at = |step: usize| polygon[(i + step) % count];
-            let (a, b) = (at(1), at(2));
-            let corner = meeting(at(0), a, b, at(3))?;
-            Some((i, corner, (b - a).perp_dot(corner - a).abs()))
-        });
-        let Some((i, corner, _)) = collapses.min_by(|a, b| a.2.total_cmp(&b.2)) else { break };
-        polygon[(i + 1) % count] = corner;
-        polygon.remove((i + 2) % count);
-        polygon = corners(&polygon);
-    }
-    polygon
+/// case, in a plane.
+pub(super) fn collapse_an_edge(polygon: &[DVec2]) -> Option<Vec<DVec2>> {
+    let count = polygon.len();
+    let collapses = (0..count).filter_map(|i| {
+        let at = |step: usize| polygon[(i + step) % count];
+        let (a, b) = (at(1), at(2));
+        let corner = meeting(at(0), a, b, at(3))?;
+        Some((i, corner, (b - a).perp_dot(corner - a).abs()))
+    });
+    let (i, corner, _) = collapses.min_by(|a, b| a.2.total_cmp(&b.2)).filter(|_| count > 3)?;
+    let mut polygon = polygon.to_vec();
+    polygon[(i + 1) % count] = corner;
+    polygon.remove((i + 2) % count);
+    Some(corners(&polygon))
 }
 
 /// Returns the point where the edges p-a and q-b of a convex polygon meet beyond the edge a-b between them, if they do.
@@ -90,6 +88,16 @@ mod tests {
                 -(b - a).normalize().perp_dot(point - a)
             })
             .fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Collapses edges until there are this many corners, or none can be collapsed.
+    fn simplify(mut polygon: Vec<DVec2>, max_corners: usize) -> Vec<DVec2> {
+        while polygon.len() > max_corners
+            && let Some(next) = collapse_an_edge(&polygon)
+        {
+            polygon = next;
+        }
+        polygon
     }
 
     #[test]

@@ -33,8 +33,9 @@ pub fn simplify_hull(colors: &[[f64; 3]], max_colors: usize) -> Result<Palette, 
     let mut outer = colors.to_vec();
     (0..3).for_each(|axis| keep_ends(&mut outer, axis));
     let points: Vec<DVec3> = outer.into_iter().map(DVec3::from).collect();
-    let corners = simplify(&points, max_colors, &Progress::default()).corners;
-    let corners = corners.iter().map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect();
+    let simplified = simplify(&points, max_colors, &Progress::default());
+    let corners = simplified.corners(max_colors).iter();
+    let corners = corners.map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect();
 
     let share = 1.0 / colors.len() as f64;
     let palette = order(corners, &Clusters { centers: colors.to_vec(), weights: vec![share; colors.len()] });
@@ -125,7 +126,7 @@ mod tests {
             (0..3).for_each(|axis| keep_ends(&mut outer, axis));
             let points = |colors: &[[f64; 3]]| colors.iter().map(|&color| color.into()).collect::<Vec<DVec3>>();
             let corners = |colors: &[[f64; 3]]| {
-                let mut corners = simplify(&points(colors), usize::MAX, &Progress::default()).corners;
+                let mut corners = simplify(&points(colors), usize::MAX, &Progress::default()).corners(usize::MAX).to_vec();
                 corners.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
                 corners
             };
