@@ -14,8 +14,8 @@ use bevy::{
 };
 use plenoctree::{
     PlenOctree,
-    palette::{Extraction, ExtractionError, ExtractionSettings, PaletteMethod, extract_from_samples},
-    sampling::{Canceled, Progress, View, sample},
+    palette::{Extraction, ExtractionError, ExtractionSettings, PaletteMethod, extract_from_samples, extract_with},
+    sampling::{Canceled, Progress, SamplingSettings, sample},
 };
 use wgpu::DeviceType;
 
@@ -27,7 +27,7 @@ use super::{
 };
 use crate::{
     background,
-    sampling::{RawSamples, Samples, SamplingFailure, SamplingJob, SamplingJobs},
+    sampling::{RawSamples, SamplingFailure, SamplingJob, SamplingJobs},
 };
 
 /// The maximum number of extractions that run at the same time. Each takes additional memory.
@@ -309,22 +309,8 @@ fn extract_on_cpu(
     settings: &ExtractionSettings,
     progress: &Progress,
 ) -> Result<(Extraction, ExtractionSamples), ExtractionError> {
-    settings.validate()?;
-    let start = Instant::now();
-    let histograms = sample(field, &settings.sampling, progress)?;
-    let views = View::all(field, &settings.view_rays(field), progress)?;
-    extract((histograms, views), origin, start.elapsed(), settings, progress)
-}
-
-fn extract(
-    (histograms, views): Samples,
-    origin: SampleOrigin,
-    sampling: Duration,
-    settings: &ExtractionSettings,
-    progress: &Progress,
-) -> Result<(Extraction, ExtractionSamples), ExtractionError> {
-    let mut extraction = extract_from_samples(&histograms, &views, settings, progress)?;
-    extraction.report.seconds.sampling = sampling.as_secs_f64();
+    let sampler = |sampling: &SamplingSettings| sample(field, sampling, progress);
+    let (extraction, histograms) = extract_with(field, settings, progress, sampler)?;
     Ok((extraction, ExtractionSamples { histograms: Arc::new(histograms), origin }))
 }
 
@@ -394,6 +380,20 @@ pub(super) fn finish(
     });
 }
 
+fn after_sampling(job: &SamplingJob, outcome: Result<RawSamples, SamplingFailure>, sampling: Duration) -> Step {
+    let (id, field, settings, progress) = (job.id, job.field.clone(), job.settings.clone(), job.progress.clone());
+    compute(move || match outcome.and_then(|samples| samples.convert(&settings.sampling, &progress)) {
+        Ok((histograms, views)) => {
+            let mut extraction = extract_from_samples(&histograms, &views, &settings, &progress)?;
+            extraction.report.seconds.sampling = sampling.as_secs_f64();
+            Ok((extraction, ExtractionSamples { histograms: Arc::new(histograms), origin: SampleOrigin::Gpu }))
+        }
+        Err(failure) => {
+            warn!("sampling field {id} on the CPU instead of the GPU: {failure}");
+            extract_on_cpu(&field, SampleOrigin::Cpu, &settings, &progress)
+        }
+    })
+}
 
 #[cfg(test)]
 mod tests {
@@ -461,14 +461,4 @@ mod tests {
             assert_eq!(running.get(&field.id()).map(|running| running.purpose), Some(purpose));
         }
     }
-}
-fn after_sampling(job: &SamplingJob, outcome: Result<RawSamples, SamplingFailure>, sampling: Duration) -> Step {
-    let (id, field, settings, progress) = (job.id, job.field.clone(), job.settings.clone(), job.progress.clone());
-    compute(move || match outcome.and_then(|samples| samples.convert(&settings.sampling, &progress)) {
-        Ok(samples) => extract(samples, SampleOrigin::Gpu, sampling, &settings, &progress),
-        Err(failure) => {
-            warn!("sampling field {id} on the CPU instead of the GPU: {failure}");
-            extract_on_cpu(&field, SampleOrigin::Cpu, &settings, &progress)
-        }
-    })
 }

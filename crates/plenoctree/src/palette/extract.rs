@@ -16,7 +16,7 @@ use super::{
 };
 use crate::{
     field::PlenOctree,
-    sampling::{Bins, Canceled, Histograms, InvalidSetting, Progress, SamplingError, View, sample},
+    sampling::{Bins, Canceled, Histograms, InvalidSetting, Progress, SamplingError, SamplingSettings, View, sample},
 };
 
 /// An extracted palette, and how it was made.
@@ -95,14 +95,31 @@ pub fn extract(
     settings: &ExtractionSettings,
     progress: &Progress,
 ) -> Result<Extraction, ExtractionError> {
+    extract_with(field, settings, progress, |sampling| sample(field, sampling, progress))
+        .map(|(extraction, _)| extraction)
+}
+
+/// Extracts the palette of a whole field like [`extract`], with histograms from another sampler than [`sample`], and
+/// also returns the histograms.
+///
+/// # Errors
+///
+/// Returns an error if a setting is out of range, if nothing is visible in the field, if the sampler fails, or if the
+/// extraction is canceled.
+pub fn extract_with(
+    field: &PlenOctree,
+    settings: &ExtractionSettings,
+    progress: &Progress,
+    sampler: impl FnOnce(&SamplingSettings) -> Result<Histograms, SamplingError>,
+) -> Result<(Extraction, Histograms), ExtractionError> {
     settings.validate()?;
     let start = Instant::now();
-    let histograms = sample(field, &settings.sampling, progress)?;
+    let histograms = sampler(&settings.sampling)?;
     let views = View::all(field, &settings.view_rays(field), progress)?;
     let sampling = start.elapsed().as_secs_f64();
     let mut extraction = extract_from_samples(&histograms, &views, settings, progress)?;
     extraction.report.seconds.sampling = sampling;
-    Ok(extraction)
+    Ok((extraction, histograms))
 }
 
 /// Extracts the palette from samples of a field: steps 6 to 12.
@@ -270,7 +287,6 @@ mod tests {
     use crate::{
         bake::{BakeSettings, bake},
         field::Basis,
-        sampling::SamplingSettings,
     };
 
     fn extract_from_histograms(
