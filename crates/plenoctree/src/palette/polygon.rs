@@ -7,7 +7,8 @@ use super::hull::ROUNDING;
 
 /// Returns the corners of the convex hull, counterclockwise.
 pub(super) fn corners(points: &[DVec2]) -> Vec<DVec2> {
-    let mut sorted = points.to_vec();
+    // Adding 0 makes -0 the same as 0, also to `total_cmp`.
+    let mut sorted: Vec<DVec2> = points.iter().map(|point| point + DVec2::ZERO).collect();
     sorted.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     let mut chain = half(sorted.iter());
     chain.extend(half(sorted.iter().rev()));
@@ -104,6 +105,12 @@ mod tests {
     fn only_corners_are_corners() {
         let grid: Vec<DVec2> = (0..35).map(|i| DVec2::new(f64::from(i % 7) * 0.1, f64::from(i / 7) * 0.3)).collect();
         assert_eq!(corners(&grid).len(), 4);
+    }
+
+    #[test]
+    fn zeros_of_either_sign_are_the_same() {
+        let points = [(0.0, 0.0), (-0.0, 0.5), (0.0, 1.0), (1.0, 0.0)].map(|(x, y)| DVec2::new(x, y));
+        assert_eq!(corners(&points), [points[0], points[3], points[2]]);
     }
 
     /// Collapsing edges restores a square whose corners were cut off, and then leaves it unchanged.

@@ -126,7 +126,8 @@ mod tests {
             (0..3).for_each(|axis| keep_ends(&mut outer, axis));
             let points = |colors: &[[f64; 3]]| colors.iter().map(|&color| color.into()).collect::<Vec<DVec3>>();
             let corners = |colors: &[[f64; 3]]| {
-                let mut corners = simplify(&points(colors), usize::MAX, &Progress::default()).corners(usize::MAX).to_vec();
+                let simplified = simplify(&points(colors), usize::MAX, &Progress::default());
+                let mut corners: Vec<DVec3> = simplified.corners(usize::MAX).iter().map(|c| c + DVec3::ZERO).collect();
                 corners.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
                 corners
             };
