@@ -17,13 +17,14 @@ struct Rays {
 }
 
 @group(0) @binding(0) var<storage, read> views: array<Rays>;
-// The colors that rays see, view by view and row by row, and the depth at which each becomes half opaque, or -1.
+// The colors that rays see, view by view and row by row, and the depth at which each becomes half opaque or, where it
+// does not, its opacity times -1.
 @group(0) @binding(1) var<storage, read_write> seen: array<vec4<f32>>;
 
 // Transmittance below which a ray ends.
 const OPAQUE: f32 = 1e-2;
-// Transmittance below which a ray counts.
-const SEEN: f32 = 0.5;
+// Transmittance below which a ray sees a surface.
+const SURFACE: f32 = 0.5;
 
 @compute @workgroup_size(8, 8)
 fn see(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) workgroups: vec3<u32>) {
@@ -46,8 +47,8 @@ fn see(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) wo
         color += weight * radiance(crossing.leaf, &h);
         opacity += weight;
         transmittance *= exp(-passed);
-        depth = select(depth, crossing.enter, depth < 0.0 && transmittance < SEEN);
+        depth = select(depth, crossing.enter, depth < 0.0 && transmittance < SURFACE);
     }
     let row = (id.z * 8u * workgroups.y + id.y) * 8u * workgroups.x;
-    seen[row + id.x] = vec4(color / max(opacity, 1e-20), depth);
+    seen[row + id.x] = vec4(color / max(opacity, 1e-20), select(-opacity, depth, depth > 0.0));
 }

@@ -14,8 +14,8 @@ use bevy::{
 };
 use plenoctree::{
     PlenOctree,
-    palette::{Extraction, ExtractionError, ExtractionSettings, PaletteMethod, extract_from_samples},
-    sampling::{Canceled, Progress, View, sample},
+    palette::{Extraction, ExtractionError, ExtractionSettings, PaletteMethod, extract_from_samples, extract_with},
+    sampling::{Canceled, Progress, SamplingSettings, sample},
 };
 use wgpu::DeviceType;
 
@@ -27,7 +27,7 @@ use super::{
 };
 use crate::{
     background,
-    sampling::{RawSamples, Samples, SamplingFailure, SamplingJob, SamplingJobs},
+    sampling::{RawSamples, SamplingFailure, SamplingJob, SamplingJobs},
 };
 
 /// The maximum number of extractions that run at the same time. Each takes additional memory.
@@ -213,8 +213,9 @@ pub(super) fn forget(
     }
 }
 
-/// Starts extractions for the fields that need a palette, and those that were requested. Cancels those that
-/// no prop or view wants any longer, because all of them name another method.
+/// Starts extractions for the fields that need a palette, and those that were requested. Cancels those whose palette
+/// would not replace the one that the field has now, and those that no prop or view wants any longer, because all of
+/// them name another method. These start over.
 pub(super) fn start(
     mut extraction: ResMut<PaletteExtraction>,
     palettes: Res<Palettes>,
@@ -224,11 +225,14 @@ pub(super) fn start(
     posterized: Posterized,
 ) {
     let is_unwanted = |(id, running): &(&AssetId<PlenOctree>, &Running)| {
-        running.purpose == Purpose::Missing && posterized.reject(**id, running.method)
+        !running.purpose.applies(**id, &palettes)
+            || running.purpose != Purpose::Requested && posterized.reject(**id, running.method)
     };
     let unwanted: Vec<_> = extraction.running.iter().filter(is_unwanted).map(|(id, _)| *id).collect();
     for id in unwanted {
-        extraction.cancel(id);
+        if let Some(purpose) = extraction.cancel(id).filter(|purpose| purpose.applies(id, &palettes)) {
+            extraction.requested.insert(id, purpose);
+        }
     }
     let missing = posterized.fields().filter(|id| {
         palettes.lacks(*id) && !extraction.failed.contains_key(id) && !extraction.running.contains_key(id)
@@ -305,22 +309,8 @@ fn extract_on_cpu(
     settings: &ExtractionSettings,
     progress: &Progress,
 ) -> Result<(Extraction, ExtractionSamples), ExtractionError> {
-    settings.validate()?;
-    let start = Instant::now();
-    let histograms = sample(field, &settings.sampling, progress)?;
-    let views = View::all(field, &settings.view_rays(field), progress)?;
-    extract((histograms, views), origin, start.elapsed(), settings, progress)
-}
-
-fn extract(
-    (histograms, views): Samples,
-    origin: SampleOrigin,
-    sampling: Duration,
-    settings: &ExtractionSettings,
-    progress: &Progress,
-) -> Result<(Extraction, ExtractionSamples), ExtractionError> {
-    let mut extraction = extract_from_samples(&histograms, &views, settings, progress)?;
-    extraction.report.seconds.sampling = sampling.as_secs_f64();
+    let sampler = |sampling: &SamplingSettings| sample(field, sampling, progress);
+    let (extraction, histograms) = extract_with(field, settings, progress, sampler)?;
     Ok((extraction, ExtractionSamples { histograms: Arc::new(histograms), origin }))
 }
 
@@ -393,10 +383,82 @@ pub(super) fn finish(
 fn after_sampling(job: &SamplingJob, outcome: Result<RawSamples, SamplingFailure>, sampling: Duration) -> Step {
     let (id, field, settings, progress) = (job.id, job.field.clone(), job.settings.clone(), job.progress.clone());
     compute(move || match outcome.and_then(|samples| samples.convert(&settings.sampling, &progress)) {
-        Ok(samples) => extract(samples, SampleOrigin::Gpu, sampling, &settings, &progress),
+        Ok((histograms, views)) => {
+            let mut extraction = extract_from_samples(&histograms, &views, &settings, &progress)?;
+            extraction.report.seconds.sampling = sampling.as_secs_f64();
+            Ok((extraction, ExtractionSamples { histograms: Arc::new(histograms), origin: SampleOrigin::Gpu }))
+        }
         Err(failure) => {
             warn!("sampling field {id} on the CPU instead of the GPU: {failure}");
             extract_on_cpu(&field, SampleOrigin::Cpu, &settings, &progress)
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use plenoctree::{BakeSettings, bake};
+
+    use super::*;
+    use crate::{PlenOctreePlugin, Posterize, Prop};
+
+    /// An app that has just begun to extract the palette of a field.
+    fn extracting() -> (App, Handle<PlenOctree>, Entity) {
+        let mut app = App::new();
+        app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin));
+        app.world_mut().resource_mut::<PaletteExtraction>().sampler = PaletteSampler::Cpu;
+        let settings = BakeSettings { depth: 6, ..default() };
+        let field = bake(&settings, |_| 1.0, |at| move |_| 0.5 + 0.4 * at).unwrap();
+        let field = app.world_mut().resource_mut::<Assets<PlenOctree>>().add(field);
+        let prop = app.world_mut().spawn((Prop(field.clone()), Posterize::default())).id();
+        wait(&mut app, |app| running(app, &field).is_some());
+        (app, field, prop)
+    }
+
+    fn wait(app: &mut App, done: impl Fn(&App) -> bool) {
+        for _ in 0..10_000 {
+            app.update();
+            if done(app) {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        panic!("waited in vain");
+    }
+
+    /// Returns the method and the progress of a field's extraction, if one is running.
+    fn running(app: &App, field: &Handle<PlenOctree>) -> Option<(PaletteMethod, Arc<Progress>)> {
+        let running = app.world().resource::<PaletteExtraction>().running.get(&field.id())?;
+        Some((running.method, running.progress.clone()))
+    }
+
+    /// Nothing is computed for a field that has been given a palette.
+    #[test]
+    fn another_palette_ends_an_extraction() {
+        let (mut app, field, _) = extracting();
+        let (_, progress) = running(&app, &field).unwrap();
+        let white = FieldPalette::from_colors([Color::WHITE]).unwrap();
+        app.world_mut().resource_mut::<Palettes>().insert(&field, white);
+        app.update();
+        assert!(progress.is_canceled() && running(&app, &field).is_none());
+    }
+
+    /// If all props name another method, an extraction starts over, also if it replaces the palette of an earlier
+    /// version of the field.
+    #[test]
+    fn another_method_starts_over() {
+        for purpose in [Purpose::Missing, Purpose::Outdated] {
+            let (mut app, field, prop) = extracting();
+            app.world_mut().resource_mut::<PaletteExtraction>().running.get_mut(&field.id()).unwrap().purpose = purpose;
+            let (method, progress) = running(&app, &field).unwrap();
+            assert_eq!(method, PaletteMethod::Tones);
+            app.world_mut().get_mut::<Posterize>(prop).unwrap().method = Some(PaletteMethod::Hull);
+            app.update();
+            assert!(progress.is_canceled());
+            let (method, progress) = running(&app, &field).unwrap();
+            assert!(method == PaletteMethod::Hull && !progress.is_canceled());
+            let running = &app.world().resource::<PaletteExtraction>().running;
+            assert_eq!(running.get(&field.id()).map(|running| running.purpose), Some(purpose));
+        }
+    }
 }

@@ -16,6 +16,7 @@ pub(crate) use extraction::field_name;
 pub use extraction::{PaletteExtraction, PaletteSampler};
 pub use file::PaletteLoader;
 pub use overrides::PaletteOverride;
+pub(crate) use overrides::hash_color;
 pub use ready::{PaletteFailed, PaletteReady};
 pub use resource::{FieldPalette, Palettes};
 #[cfg(feature = "egui")]

@@ -1,5 +1,7 @@
 //! Overriding the shown colors of a single prop.
 
+use std::hash::{Hash, Hasher};
+
 use bevy::prelude::*;
 use plenoctree::palette::{Palette, RampAdjustment, UnmetWishes, Wish};
 
@@ -40,6 +42,11 @@ pub struct PaletteOverride {
     ramps: Vec<(String, RampAdjustment)>,
 }
 
+/// Hashes a color as it is shown.
+pub(crate) fn hash_color(color: Color, state: &mut impl Hasher) {
+    Srgba::from(color).to_vec3().to_array().map(f32::to_bits).hash(state);
+}
+
 impl PaletteOverride {
     /// Overrides color `index` and returns `self`, like [`set`](Self::set).
     pub fn with(mut self, index: usize, color: impl Into<Color>) -> Self {
@@ -67,6 +74,21 @@ impl PaletteOverride {
         }
         let own = self.colors.iter().enumerate().take(palette.colors.len());
         own.for_each(|(index, color)| color.iter().for_each(|color| show(index, *color)));
+    }
+
+    /// Hashes everything that decides what [`apply`](Self::apply) shows of a palette.
+    pub(crate) fn hash_colors(&self, state: &mut impl Hasher) {
+        for (index, color) in self.colors.iter().enumerate() {
+            if let Some(color) = color {
+                index.hash(state);
+                hash_color(*color, state);
+            }
+        }
+        for (name, RampAdjustment { color, brightness, contrast, saturation }) in &self.ramps {
+            name.hash(state);
+            color.map(|color| color.map(f64::to_bits)).hash(state);
+            [brightness, contrast, saturation].map(|value| value.to_bits()).hash(state);
+        }
     }
 
     /// Returns the colors that an entity with these overrides shows, in the order of the field's source colors.

@@ -352,16 +352,19 @@ impl Palettes {
     /// [`PaletteReady`](crate::PaletteReady) is written whenever that changes the palette. If the asset fails to load,
     /// the field keeps its current palette; if it has none, one is extracted.
     ///
+    /// Call it once: every call sets the palette again, so that changes of its shown colors are lost.
+    ///
     /// ```
     /// # use bevy::prelude::*;
     /// # use bevy_plenoctree::{Palettes, PlenOctreePlugin, Prop};
+    /// # let mut app = App::new();
+    /// # app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin));
     /// fn snow(props: Query<&Prop>, assets: Res<AssetServer>, mut palettes: ResMut<Palettes>) {
     ///     for prop in &props {
     ///         palettes.insert_handle(&prop.0, assets.load("toadstool_in_snow.palette.json"));
     ///     }
     /// }
-    /// # let mut app = App::new();
-    /// # app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin)).add_systems(Update, snow);
+    /// app.add_systems(Update, snow.run_if(run_once));
     /// # app.world_mut().spawn(Prop(Handle::default()));
     /// # app.update();
     /// ```

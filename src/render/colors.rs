@@ -1,6 +1,6 @@
 //! The colors that shaders look up by index: palettes, and the pairs of ramps that have lines of ink.
 
-use std::hash::BuildHasher;
+use std::hash::{BuildHasher, Hash, Hasher};
 
 use bevy::{
     platform::{collections::HashMap, hash::FixedHasher},
@@ -11,7 +11,7 @@ use plenoctree::{
     palette::{LabelSpace, Palette, tone_space},
 };
 
-use crate::palette::{FieldPalette, PaletteOverride};
+use crate::palette::{FieldPalette, PaletteOverride, hash_color};
 
 /// The colors of a frame. Those that stay the same keep their place from frame to frame, so that views do not draw
 /// labels again because of palettes that they do not show.
@@ -24,12 +24,23 @@ pub(super) struct PlacedColors {
     free: HashMap<usize, Vec<usize>>,
     /// Where the palettes of fields are, without overrides, that have been placed in this frame.
     palettes: HashMap<AssetId<PlenOctree>, PlacedPalette>,
+    /// The [`version`]s of palettes of fields that have been placed in this frame with overrides.
+    versions: HashMap<AssetId<PlenOctree>, u64>,
+    /// Where palettes with overrides are, by the hash of both, so that ramps are moved only once.
+    overridden: HashMap<u64, Overridden>,
     /// The source colors and the shown colors of the last palette. The memory is reused.
     given: Vec<Vec4>,
 }
 
 struct Place {
     first: usize,
+    is_used: bool,
+}
+
+struct Overridden {
+    palette: PlacedPalette,
+    /// The key of its [`Place`].
+    place: (u64, usize),
     is_used: bool,
 }
 
@@ -68,7 +79,9 @@ impl PlacedColors {
             self.list.clear();
             self.free.clear();
         }
+        self.overridden.retain(|_, overridden| std::mem::take(&mut overridden.is_used));
         self.palettes.clear();
+        self.versions.clear();
     }
 
     /// Places the palette of a field with a prop's or a view's own colors, or once a frame without any: source colors
@@ -82,6 +95,19 @@ impl PlacedColors {
     ) -> PlacedPalette {
         if let (Some(placed), None) = (self.palettes.get(&field), own) {
             return *placed;
+        }
+        let hash = own.map(|own| {
+            let version = *self.versions.entry(field).or_insert_with(|| version(palette));
+            let mut hasher = FixedHasher.build_hasher();
+            version.hash(&mut hasher);
+            own.hash_colors(&mut hasher);
+            hasher.finish()
+        });
+        if let Some(known) = hash.and_then(|hash| self.overridden.get_mut(&hash))
+            && let Some(place) = self.places.get_mut(&known.place)
+        {
+            (known.is_used, place.is_used) = (true, true);
+            return known.palette;
         }
         let of = palette.palette();
         // Drop colors beyond the maximum, which shaders could not process in time.
@@ -103,7 +129,8 @@ impl PlacedColors {
             });
         }
         let is_changed = (0..count).any(|index| given[index].truncate() != given[count + index].truncate());
-        let first_color = self.place(&given, 4 * count, || {
+        let place = (hash_of(&given), 4 * count);
+        let first_color = self.place_as(place, &given, || {
             let places: Vec<Vec3> =
                 source.iter().map(|color| tone_space(glam::DVec3::from(*color)).as_vec3()).collect();
             let mut sorted: Vec<Vec4> =
@@ -115,8 +142,9 @@ impl PlacedColors {
         let colors = count as u32;
         let first_place = if of.label_space() == LabelSpace::Encoded { first_color } else { first_color + 2 * colors };
         let placed = PlacedPalette { first_color, colors, first_place, is_changed };
-        if own.is_none() {
-            self.palettes.insert(field, placed);
+        match hash {
+            Some(hash) => _ = self.overridden.insert(hash, Overridden { palette: placed, place, is_used: true }),
+            None => _ = self.palettes.insert(field, placed),
         }
         placed
     }
@@ -124,8 +152,12 @@ impl PlacedColors {
     /// Returns the index of the first of `count` colors. They begin with the `given` ones, which determine the `rest`:
     /// that is only computed if they are new.
     pub fn place(&mut self, given: &[Vec4], count: usize, rest: impl FnOnce() -> Vec<Vec4>) -> u32 {
-        let hash = FixedHasher.hash_one(bytemuck::cast_slice::<_, u8>(given));
-        let place = self.places.entry((hash, count)).or_insert_with(|| {
+        self.place_as((hash_of(given), count), given, rest)
+    }
+
+    fn place_as(&mut self, key: (u64, usize), given: &[Vec4], rest: impl FnOnce() -> Vec<Vec4>) -> u32 {
+        let count = key.1;
+        let place = self.places.entry(key).or_insert_with(|| {
             let first = self.free.get_mut(&count).and_then(Vec::pop).unwrap_or_else(|| {
                 self.list.resize(self.list.len() + count, Vec4::ZERO);
                 self.list.len() - count
@@ -137,6 +169,22 @@ impl PlacedColors {
         place.is_used = true;
         place.first as u32
     }
+}
+
+fn hash_of(colors: &[Vec4]) -> u64 {
+    FixedHasher.hash_one(bytemuck::cast_slice::<_, u8>(colors))
+}
+
+/// Returns a number that is different for palettes that an override shows differently.
+fn version(palette: &FieldPalette) -> u64 {
+    let mut hasher = FixedHasher.build_hasher();
+    let Palette { colors, weights, method, ramps, shown: _ } = palette.palette();
+    hasher.write(bytemuck::cast_slice(colors));
+    hasher.write(bytemuck::cast_slice(weights));
+    method.hash(&mut hasher);
+    ramps.iter().for_each(|ramp| (&ramp.name, &ramp.tones).hash(&mut hasher));
+    palette.shown().iter().for_each(|color| hash_color(*color, &mut hasher));
+    hasher.finish()
 }
 
 #[cfg(test)]
@@ -166,5 +214,38 @@ mod tests {
         assert!(placed.list.len() <= 7);
         (0..2).for_each(|_| placed.begin());
         assert!(placed.list.is_empty());
+    }
+
+    /// Ramps that are overridden are moved once, not in every frame, until the override or the palette changes.
+    #[test]
+    fn overrides_are_applied_once() {
+        let mut source = Palette::new(vec![[0.5, 0.1, 0.1], [0.8, 0.2, 0.2], [0.2, 0.3, 0.7]]).unwrap();
+        source.gather_tones(&[0, 1], "cap").unwrap();
+        let mut palette = FieldPalette::new(source);
+        let mut placed = PlacedColors::default();
+        // Returns the number of overrides that are known, once a frame has placed palettes.
+        let mut frame = |palette: &FieldPalette, owns: &[&PaletteOverride]| {
+            placed.begin();
+            for own in owns {
+                let at = placed.place_palette(AssetId::default(), palette, Some(*own));
+                let shown = &placed.list[at.first_color as usize + 3..][..3];
+                let expected = own.shown(palette).into_iter().map(|color| Srgba::from(color).to_vec3().extend(0.0));
+                assert_eq!(shown, expected.collect::<Vec<_>>());
+            }
+            placed.overridden.len()
+        };
+        let [green, blue] = [Color::srgb(0.2, 0.7, 0.3), Color::srgb(0.2, 0.3, 0.9)]
+            .map(|color| PaletteOverride::default().with_ramp("cap", color));
+        let white = green.clone().with(0, Color::WHITE);
+        for _ in 0..3 {
+            assert_eq!(frame(&palette, &[&green, &blue, &green, &white]), 3);
+        }
+        palette.set(2, Color::BLACK);
+        assert_eq!(frame(&palette, &[&green]), 4);
+        palette.edit_ramps(|palette| palette.rename_ramp(0, "hat")).unwrap();
+        assert_eq!(frame(&palette, &[&green]), 2);
+        assert_eq!(frame(&palette, &[&green]), 1);
+        assert_eq!(frame(&palette, &[]), 1);
+        assert_eq!(frame(&palette, &[]), 0);
     }
 }

@@ -2,7 +2,12 @@
 //! there is none, of the same hue. Where these end, the rest of the light changes that color. These labels are found
 //! once per palette and light, so that a pixel takes one load.
 
-use bevy::{platform::collections::HashMap, prelude::*};
+use std::hash::BuildHasher;
+
+use bevy::{
+    platform::{collections::HashMap, hash::FixedHasher},
+    prelude::*,
+};
 use glam::DVec3;
 use plenoctree::{
     palette::{Palette, PaletteLabel},
@@ -33,6 +38,12 @@ struct Table {
     is_used: bool,
 }
 
+/// The colors of labels in these lights, in encoded sRGB.
+struct LitColors {
+    colors: Vec<Vec4>,
+    is_used: bool,
+}
+
 /// What a label shows in a light: the shown color of a label, in so much of its linear light.
 #[derive(Clone, Copy)]
 struct Shade {
@@ -44,6 +55,8 @@ struct Shade {
 #[derive(Default)]
 pub(super) struct Shades {
     tables: HashMap<Key, Table>,
+    /// By the hash of what they depend on.
+    lit: HashMap<u64, LitColors>,
     /// Where the shades of this frame's palettes begin in `colors`, by the palette's first color, the steps of its
     /// blends, and the bits of the factors and of white.
     begins: HashMap<(u32, u32, Vec<u32>), u32>,
@@ -69,6 +82,7 @@ impl Shades {
     /// Begins a frame.
     pub fn begin(&mut self) {
         self.tables.retain(|_, table| std::mem::take(&mut table.is_used));
+        self.lit.retain(|_, lit| std::mem::take(&mut lit.is_used));
         self.begins.clear();
         self.colors.clear();
     }
@@ -110,13 +124,19 @@ impl Shades {
         });
         table.is_used = true;
         let first = self.colors.len() as u32;
-        let shown: Vec<Vec3> = labels(shown, palette.blend_steps).map(|color| color.as_vec3()).collect();
-        let rows = table.shades.chunks(shown.len().max(1)).zip(factors.iter().zip(&steps));
-        for (row, (factor, step)) in rows {
-            let made_up = if factor > step { factor / step } else { 1.0 };
-            let color = |shade: &Shade| lightened(shown[shade.label], shade.factor as f32 * made_up, white);
-            self.colors.extend(row.iter().map(color).map(|color| color.extend(0.0)));
-        }
+        let hash = FixedHasher.hash_one((bytemuck::cast_slice::<_, u8>(of_palette), palette.blend_steps, &begin.2));
+        let lit = self.lit.entry(hash).or_insert_with(|| {
+            let shown: Vec<Vec3> = labels(shown, palette.blend_steps).map(|color| color.as_vec3()).collect();
+            let rows = table.shades.chunks(shown.len().max(1)).zip(factors.iter().zip(&steps));
+            let row = |(row, (factor, step)): (&[Shade], (&f32, &f32))| -> Vec<_> {
+                let made_up = if factor > step { factor / step } else { 1.0 };
+                let color = |shade: &Shade| lightened(shown[shade.label], shade.factor as f32 * made_up, white);
+                row.iter().map(|shade| color(shade).extend(0.0)).collect()
+            };
+            LitColors { colors: rows.flat_map(row).collect(), is_used: true }
+        });
+        lit.is_used = true;
+        self.colors.extend(&lit.colors);
         self.begins.insert(begin, first);
         Some(first)
     }
@@ -303,6 +323,25 @@ mod tests {
         assert_eq!(shades.find(palette(&colors, 1), &[0.5, 1.0]), Some(0));
         assert_eq!(shades.find(palette(&colors, 3), &[0.5, 1.0]), Some(4));
         assert_eq!(shades.colors.len(), 4 + 8);
+    }
+
+    /// Colors in light are computed once, as long as the palette and the light stay the same.
+    #[test]
+    fn lit_colors_are_kept() {
+        let mut colors: [Vec4; 4] = std::array::from_fn(|index| Vec3::splat(0.25 * index as f32).extend(NO_RAMP));
+        let mut shades = Shades::default();
+        let mut frame = |colors: &[Vec4], factor: f32| {
+            shades.begin();
+            assert_eq!(shades.find(palette(colors, 1), &[factor]), Some(0));
+            (shades.colors.clone(), shades.lit.len())
+        };
+        let found = frame(&colors, 0.5);
+        assert_eq!(found.1, 1);
+        assert_eq!(frame(&colors, 0.5), found);
+        assert!(frame(&colors, 0.7).0 != found.0);
+        assert_eq!(frame(&colors, 0.5), (found.0.clone(), 2));
+        colors[2].x = 0.9;
+        assert!(frame(&colors, 0.5).0 != found.0);
     }
 
     proptest! {

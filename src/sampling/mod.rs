@@ -10,7 +10,7 @@ mod pipeline;
 mod slices;
 mod views;
 
-pub(crate) use job::{RawSamples, Samples, SamplingFailure, SamplingJob, SamplingJobs};
+pub(crate) use job::{RawSamples, SamplingFailure, SamplingJob, SamplingJobs};
 
 use bevy::{
     core_pipeline::schedule::camera_driver,

@@ -19,7 +19,7 @@ use plenoctree::sampling::{Lattice, SamplePoint, ViewRays};
 use super::{
     RawSamples, SamplingFailure, SamplingJob, SamplingJobs,
     buffers::{buffer, storage},
-    clock::SliceClock,
+    clock::{Pace, SliceClock},
     pipeline::{Sampled, SamplingPipeline, SliceUniform},
     views::Views,
 };
@@ -59,8 +59,7 @@ struct Active {
     next: u32,
     /// The factor that converts integers in the histograms to weights.
     unit: f64,
-    /// The measured speed, in leaves per second.
-    speed: Option<f64>,
+    pace: Pace,
     in_flight: Vec<SliceClock>,
     /// The number of leaves in the last slice.
     last_leaves: u32,
@@ -175,7 +174,7 @@ impl Active {
             most: slice_for(MOST_RAYS, job),
             next: 0,
             unit: share / weight_scale,
-            speed: None,
+            pace: Pace::default(),
             in_flight: Vec::new(),
             last_leaves: 0,
             reading: false,
@@ -196,7 +195,7 @@ impl Active {
     ) -> Result<(), SamplingFailure> {
         for clock in &self.in_flight {
             if let Some(seconds) = clock.seconds() {
-                self.speed = Some(f64::from(clock.leaves) / seconds.max(1e-6));
+                self.pace.add(clock.leaves, seconds, clock.is_accurate());
                 self.job.progress.advance(clock.leaves as usize);
             }
         }
@@ -213,7 +212,7 @@ impl Active {
             }
             Some(_) if self.in_flight.len() >= MOST_IN_FLIGHT => {}
             Some(budget) if self.next < self.leaves() => {
-                let leaves = self.speed.map_or(0.0, |speed| speed * budget.as_secs_f64());
+                let leaves = self.pace.leaves_within(budget);
                 // The measured speed of a small slice is inaccurate, so limit the growth.
                 let leaves = (leaves as u32).clamp(self.fewest, self.most).min((4 * self.last_leaves).max(self.fewest));
                 self.submit(leaves, pipeline, device, queue)?;

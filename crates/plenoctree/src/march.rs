@@ -99,12 +99,23 @@ impl PlenOctree {
     /// `direction` is a unit vector. The color is encoded sRGB, premultiplied by the opacity, which is 0 to 1. Once the
     /// transmittance falls below 1e-2, the march stops and the opacity is 1.
     pub fn render_ray(&self, origin: DVec3, direction: DVec3) -> (DVec3, f64) {
+        self.render_ray_visiting(origin, direction, |_, _| ())
+    }
+
+    /// Renders a ray like [`Self::render_ray`], and calls `visit` with every crossing and the density there.
+    pub(crate) fn render_ray_visiting(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        mut visit: impl FnMut(Crossing, f64),
+    ) -> (DVec3, f64) {
         let y = self.basis().evaluate(direction);
         // The sum of the weights is 1 - transmittance, but without cancellation in thin fields.
         let (mut color, mut transmittance, mut sum) = (DVec3::ZERO, 1.0, 0.0);
         self.march(origin, direction, |crossing| {
-            let depth = f64::from(self.densities()[crossing.leaf as usize]) * crossing.length;
-            let opacity = -(-depth).exp_m1();
+            let density = f64::from(self.densities()[crossing.leaf as usize]);
+            visit(crossing, density);
+            let opacity = -(-density * crossing.length).exp_m1();
             let weight = transmittance * opacity;
             sum += weight;
             color += weight * self.radiance_with(crossing.leaf, &y);

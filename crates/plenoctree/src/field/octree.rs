@@ -392,7 +392,8 @@ impl PlenOctree {
     /// if the field is empty.
     ///
     /// Along each axis, 0.5% of the leaves at either end are left out. These are mostly floaters, which are artifacts
-    /// of training. Use this box to point a camera at the field.
+    /// of training. A leaf counts as one, whatever its size and density, so of a field with large leaves, more of the
+    /// volume may be left out. Use this box to point a camera at the field.
     pub fn dense_bounds(&self) -> Option<(DVec3, DVec3)> {
         if self.leaves() == 0 {
             return None;

@@ -6,7 +6,7 @@ use super::{
     colors::Palette,
     label::PaletteLabel,
     oklab::{CHROMATIC, chroma, chroma_of_linear, is_hue_off},
-    space::LabelSpace,
+    space::{LabelSpace, nearest},
 };
 use crate::{
     sampling::{Canceled, Histograms, Progress},
@@ -85,10 +85,8 @@ impl ShownColors {
 
     /// Returns the encoded color and the chroma of the label that is nearest to a color.
     pub fn nearest(&self, color: DVec3) -> Option<(DVec3, DVec2)> {
-        let place = self.space.place(color);
-        let nearest = self.labels.iter().map(|label| (place.distance_squared(label.0), label));
-        let nearest = nearest.reduce(|best, next| if next.0 < best.0 { next } else { best });
-        nearest.map(|(_, &(_, label, chroma))| (label, chroma))
+        let (index, _) = nearest(self.space.place(color), self.labels.iter().map(|label| label.0));
+        self.labels.get(index).map(|&(_, label, chroma)| (label, chroma))
     }
 }
 

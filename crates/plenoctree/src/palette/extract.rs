@@ -16,7 +16,7 @@ use super::{
 };
 use crate::{
     field::PlenOctree,
-    sampling::{Bins, Canceled, Histograms, InvalidSetting, Progress, SamplingError, View, sample},
+    sampling::{Bins, Canceled, Histograms, InvalidSetting, Progress, SamplingError, SamplingSettings, View, sample},
 };
 
 /// An extracted palette, and how it was made.
@@ -95,14 +95,31 @@ pub fn extract(
     settings: &ExtractionSettings,
     progress: &Progress,
 ) -> Result<Extraction, ExtractionError> {
+    extract_with(field, settings, progress, |sampling| sample(field, sampling, progress))
+        .map(|(extraction, _)| extraction)
+}
+
+/// Extracts the palette of a whole field like [`extract`], with histograms from another sampler than [`sample`], and
+/// also returns the histograms.
+///
+/// # Errors
+///
+/// Returns an error if a setting is out of range, if nothing is visible in the field, if the sampler fails, or if the
+/// extraction is canceled.
+pub fn extract_with(
+    field: &PlenOctree,
+    settings: &ExtractionSettings,
+    progress: &Progress,
+    sampler: impl FnOnce(&SamplingSettings) -> Result<Histograms, SamplingError>,
+) -> Result<(Extraction, Histograms), ExtractionError> {
     settings.validate()?;
     let start = Instant::now();
-    let histograms = sample(field, &settings.sampling, progress)?;
+    let histograms = sampler(&settings.sampling)?;
     let views = View::all(field, &settings.view_rays(field), progress)?;
     let sampling = start.elapsed().as_secs_f64();
     let mut extraction = extract_from_samples(&histograms, &views, settings, progress)?;
     extraction.report.seconds.sampling = sampling;
-    Ok(extraction)
+    Ok((extraction, histograms))
 }
 
 /// Extracts the palette from samples of a field: steps 6 to 12.
@@ -130,11 +147,13 @@ pub fn extract_from_samples(
             seconds.filtering = start.elapsed().as_secs_f64();
             let start = Instant::now();
             let centers: Vec<DVec3> = filtered.centers.iter().map(|&center| center.into()).collect();
+            // The first number of colors to try is the smallest.
+            let mut simplified = None;
             let palette = choose(histograms, settings, progress, |colors| {
-                let simplified = simplify(&centers, colors, progress);
+                let simplified = simplified.get_or_insert_with(|| simplify(&centers, colors, progress));
                 progress.check()?;
-                hull_vertices = Some(simplified.before);
-                let corners = simplified.corners.iter();
+                hull_vertices = Some(simplified.before());
+                let corners = simplified.corners(colors).iter();
                 Ok(order(corners.map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect(), &filtered))
             })?;
             seconds.hull = start.elapsed().as_secs_f64();
@@ -323,6 +342,37 @@ mod tests {
             let views = View::all(&field, &settings.view_rays(&field), &progress).unwrap();
             extract_from_samples(&histograms, &views, &settings, &progress).unwrap();
             assert_eq!(progress.fraction(), 1.0, "{method:?}");
+        }
+    }
+
+    /// Recorded histograms count as samples that are taken.
+    #[cfg(feature = "write")]
+    #[test]
+    fn progress_counts_recorded_samples() {
+        let settings = BakeSettings { depth: 3, basis: Basis::Rgba, ..Default::default() };
+        let field = bake(&settings, |_| 50.0, |_| |_| DVec3::splat(0.5)).unwrap();
+        let field = field.recording_histograms(&Progress::default()).unwrap();
+        let progress = Progress::default();
+        sample(&field, &SamplingSettings::default(), &progress).unwrap();
+        assert_eq!(progress.fraction(), 1.0);
+    }
+
+    /// Pixels get labels from an opacity of 80/255 on, so what is never half opaque has tones, too.
+    #[test]
+    fn glass_has_a_tone() {
+        let (red, blue) = (DVec3::new(0.8, 0.1, 0.1), DVec3::new(0.1, 0.2, 0.9));
+        // Two balls, one of which absorbs at most 43% of the light.
+        let density = |at: DVec3| match [-0.5, 0.5].map(|x| at.distance(DVec3::new(x, 0.0, 0.0)) < 0.4) {
+            [true, _] => 1e3,
+            [_, true] => 0.7,
+            _ => 0.0,
+        };
+        let settings = BakeSettings { depth: 6, basis: Basis::Rgba, ..Default::default() };
+        let field = bake(&settings, density, |at| move |_| if at.x < 0.0 { red } else { blue }).unwrap();
+        let palette = extract(&field, &ExtractionSettings::default(), &Progress::default()).unwrap().palette;
+        for color in [red, blue] {
+            let off = |tone: &[f64; 3]| DVec3::from(*tone).distance(color);
+            assert!(palette.colors.iter().any(|tone| off(tone) < 0.05), "{color} in {palette:?}");
         }
     }
 

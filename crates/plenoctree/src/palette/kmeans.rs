@@ -7,6 +7,7 @@
 
 use rayon::prelude::*;
 
+use super::space;
 use crate::sampling::{Canceled, Progress};
 
 type Point = [f64; 3];
@@ -104,14 +105,7 @@ impl<'a> Search<'a> {
 
 /// Returns the index of the center nearest to `point`. Ties go to the lowest index.
 pub(super) fn nearest(point: &Point, centers: &[Point]) -> usize {
-    let mut best = (f64::INFINITY, 0);
-    for (index, center) in centers.iter().enumerate() {
-        let distance = distance_squared(point, center);
-        if distance < best.0 {
-            best = (distance, index);
-        }
-    }
-    best.1
+    space::nearest((*point).into(), centers.iter().map(|center| (*center).into())).0
 }
 
 /// Returns the weighted mean of every cluster.

@@ -27,7 +27,9 @@ mod tones;
 
 pub use colors::{InvalidPalette, Palette, PaletteFileError};
 pub use errors::ColorErrors;
-pub use extract::{Extraction, ExtractionError, ExtractionReport, ExtractionTimes, extract, extract_from_samples};
+pub use extract::{
+    Extraction, ExtractionError, ExtractionReport, ExtractionTimes, extract, extract_from_samples, extract_with,
+};
 pub use label::PaletteLabel;
 pub use method::{ColorCount, PaletteMethod};
 pub use ramp::{InvalidRamps, Ramp};

@@ -57,9 +57,13 @@ fn oklab_of_linear(linear: DVec3) -> DVec3 {
 
 /// Returns the color in encoded sRGB of L, a and b in Oklab. Its channels may be outside [0, 1].
 pub(super) fn from_oklab(oklab: DVec3) -> DVec3 {
+    linear_from_oklab(oklab).to_array().map(encode).into()
+}
+
+/// Returns the color in linear light of L, a and b in Oklab.
+pub(super) fn linear_from_oklab(oklab: DVec3) -> DVec3 {
     let roots = OKLAB_FROM_ROOTS.inverse() * oklab;
-    let linear = CONES_FROM_LINEAR.inverse() * (roots * roots * roots);
-    linear.to_array().map(encode).into()
+    CONES_FROM_LINEAR.inverse() * (roots * roots * roots)
 }
 
 /// Returns whether the hue of `shown` is more than 45 degrees off that of `color`, both a and b in Oklab. The hue of an

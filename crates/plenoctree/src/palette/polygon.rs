@@ -7,7 +7,8 @@ use super::hull::ROUNDING;
 
 /// Returns the corners of the convex hull, counterclockwise.
 pub(super) fn corners(points: &[DVec2]) -> Vec<DVec2> {
-    let mut sorted = points.to_vec();
+    // Adding 0 makes -0 the same as 0, also to `total_cmp`.
+    let mut sorted: Vec<DVec2> = points.iter().map(|point| point + DVec2::ZERO).collect();
     sorted.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     let mut chain = half(sorted.iter());
     chain.extend(half(sorted.iter().rev()));
@@ -46,26 +47,24 @@ fn height(previous: DVec2, point: DVec2, next: DVec2) -> f64 {
     along.perp_dot(previous - point).abs()
 }
 
-/// Collapses edges of a convex polygon (counterclockwise) until it has at most `max_corners` corners, or no edge can be
-/// collapsed.
+/// Collapses the edge of a convex polygon (counterclockwise) that adds the least area, unless it is a triangle or no
+/// edge can be collapsed.
 ///
 /// An edge collapses to the point where its neighboring edges meet: the solution of the linear program of the solid
-/// case, in a plane. The edge whose collapse adds the least area goes first.
-pub(super) fn simplify(mut polygon: Vec<DVec2>, max_corners: usize) -> Vec<DVec2> {
-    while polygon.len() > max_corners.max(3) {
-        let count = polygon.len();
-        let collapses = (0..count).filter_map(|i| {
-            let at = |step: usize| polygon[(i + step) % count];
-            let (a, b) = (at(1), at(2));
-            let corner = meeting(at(0), a, b, at(3))?;
-            Some((i, corner, (b - a).perp_dot(corner - a).abs()))
-        });
-        let Some((i, corner, _)) = collapses.min_by(|a, b| a.2.total_cmp(&b.2)) else { break };
-        polygon[(i + 1) % count] = corner;
-        polygon.remove((i + 2) % count);
-        polygon = corners(&polygon);
-    }
-    polygon
+/// case, in a plane.
+pub(super) fn collapse_an_edge(polygon: &[DVec2]) -> Option<Vec<DVec2>> {
+    let count = polygon.len();
+    let collapses = (0..count).filter_map(|i| {
+        let at = |step: usize| polygon[(i + step) % count];
+        let (a, b) = (at(1), at(2));
+        let corner = meeting(at(0), a, b, at(3))?;
+        Some((i, corner, (b - a).perp_dot(corner - a).abs()))
+    });
+    let (i, corner, _) = collapses.min_by(|a, b| a.2.total_cmp(&b.2)).filter(|_| count > 3)?;
+    let mut polygon = polygon.to_vec();
+    polygon[(i + 1) % count] = corner;
+    polygon.remove((i + 2) % count);
+    Some(corners(&polygon))
 }
 
 /// Returns the point where the edges p-a and q-b of a convex polygon meet beyond the edge a-b between them, if they do.
@@ -92,10 +91,26 @@ mod tests {
             .fold(f64::NEG_INFINITY, f64::max)
     }
 
+    /// Collapses edges until there are this many corners, or none can be collapsed.
+    fn simplify(mut polygon: Vec<DVec2>, max_corners: usize) -> Vec<DVec2> {
+        while polygon.len() > max_corners
+            && let Some(next) = collapse_an_edge(&polygon)
+        {
+            polygon = next;
+        }
+        polygon
+    }
+
     #[test]
     fn only_corners_are_corners() {
         let grid: Vec<DVec2> = (0..35).map(|i| DVec2::new(f64::from(i % 7) * 0.1, f64::from(i / 7) * 0.3)).collect();
         assert_eq!(corners(&grid).len(), 4);
+    }
+
+    #[test]
+    fn zeros_of_either_sign_are_the_same() {
+        let points = [(0.0, 0.0), (-0.0, 0.5), (0.0, 1.0), (1.0, 0.0)].map(|(x, y)| DVec2::new(x, y));
+        assert_eq!(corners(&points), [points[0], points[3], points[2]]);
     }
 
     /// Collapsing edges restores a square whose corners were cut off, and then leaves it unchanged.

@@ -3,7 +3,9 @@
 //! The linear programs have three unknowns and about a dozen constraints. They are solved by visiting every line where
 //! two constraints meet. This is exact, whereas the tolerance of a general solver would cut off colors.
 
-use glam::DVec3;
+use std::iter::successors;
+
+use glam::{DVec2, DVec3};
 
 use super::{
     hull::{Hull, Plane, ROUNDING, Span, edges, span},
@@ -11,41 +13,51 @@ use super::{
 };
 use crate::sampling::Progress;
 
-/// A simplified shape that contains all points.
+/// Shapes that contain all points, from their convex hull to the simplest one.
 #[derive(Clone, Debug)]
 pub(super) struct Simplified {
-    /// Corners: at most as many as requested, unless no more edges could be collapsed.
-    pub corners: Vec<DVec3>,
-    /// Number of corners before simplification.
-    pub before: usize,
+    /// The corners of each shape. There is at least one shape.
+    shapes: Vec<Vec<DVec3>>,
 }
 
-/// Simplifies the convex hull of `points` to at most `max_corners` corners. There must be at least one point, and all
-/// must be finite.
+impl Simplified {
+    /// Returns the corners of the first shape with at most this many or, if there is none, of the simplest one.
+    pub fn corners(&self, most: usize) -> &[DVec3] {
+        let found = self.shapes.iter().find(|corners| corners.len() <= most);
+        found.or(self.shapes.last()).map_or(&[], Vec::as_slice)
+    }
+
+    /// Returns the number of corners before simplification.
+    pub fn before(&self) -> usize {
+        self.shapes.first().map_or(0, Vec::len)
+    }
+}
+
+/// Simplifies the convex hull of `points` to at most `max_corners` corners, unless no more edges can be collapsed. There
+/// must be at least one point, and all must be finite.
 ///
 /// Once `progress` is canceled, returns a shape that is not simple enough, or not complete.
 ///
 /// The result may leave the RGB cube. Points without volume have no hull. They span a point, a line or a polygon
 /// instead, and a polygon is simplified in the same way.
 pub(super) fn simplify(points: &[DVec3], max_corners: usize, progress: &Progress) -> Simplified {
-    match span(points, progress) {
-        Span::Corners(corners) => Simplified { before: corners.len(), corners },
+    let shapes = match span(points, progress) {
+        Span::Corners(corners) => vec![corners],
         Span::Plane([origin, along, across], flat) => {
-            let corners = polygon::corners(&flat);
-            let before = corners.len();
-            let corners = polygon::simplify(corners, max_corners);
-            Simplified { corners: corners.iter().map(|p| origin + p.x * along + p.y * across).collect(), before }
+            let place = |p: &DVec2| origin + p.x * along + p.y * across;
+            let polygons = successors(Some(polygon::corners(&flat)), |corners| {
+                (corners.len() > max_corners).then(|| polygon::collapse_an_edge(corners))?
+            });
+            polygons.map(|corners| corners.iter().map(place).collect()).collect()
         }
-        Span::Solid(mut hull) => {
-            let before = hull.vertices.len();
-            while hull.vertices.len() > max_corners
-                && let Some(next) = collapse_an_edge(&hull, progress)
-            {
-                hull = next;
-            }
-            Simplified { corners: hull.vertices, before }
+        Span::Solid(hull) => {
+            let hulls = successors(Some(hull), |hull| {
+                (hull.vertices.len() > max_corners).then(|| collapse_an_edge(hull, progress))?
+            });
+            hulls.map(|hull| hull.vertices).collect()
         }
-    }
+    };
+    Simplified { shapes }
 }
 
 /// Replaces the edge whose collapse adds the least volume by a corner. Returns `None` if no edge can be collapsed, or
@@ -187,15 +199,19 @@ mod tests {
         #[test]
         fn any_cloud_has_corners(points in prop_oneof![lattice(), cloud()], max_corners in 1usize..12) {
             let simplified = simplify(&points, max_corners);
-            prop_assert!(!simplified.corners.is_empty());
-            prop_assert!(simplified.corners.len() <= simplified.before);
-            prop_assert!(simplified.corners.iter().all(|corner| corner.is_finite()));
-            let collapses = match span(&simplified.corners) {
+            let corners = simplified.corners(max_corners);
+            prop_assert!(!corners.is_empty());
+            prop_assert!(corners.len() <= simplified.before());
+            prop_assert!(corners.iter().all(|corner| corner.is_finite()));
+            let collapses = match span(corners) {
                 Span::Solid(hull) => collapse_an_edge(&hull).is_some(),
                 // Two corners are a line, and four may be a parallelogram.
-                _ => simplified.corners.len() > 4,
+                _ => corners.len() > 4,
             };
-            prop_assert!(simplified.corners.len() <= max_corners || !collapses, "{:?}", simplified.corners);
+            prop_assert!(corners.len() <= max_corners || !collapses, "{corners:?}");
+            // The simplest shape comes after those with more corners.
+            let simplest = simplify(&points, 1);
+            prop_assert_eq!(simplest.corners(max_corners), corners);
         }
 
         /// The optimum is the best corner of the region that the planes bound, found by trying all triples of planes.
@@ -234,9 +250,9 @@ mod tests {
     #[test]
     fn simple_hulls_are_unchanged() {
         let tetrahedron = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-        assert_eq!(simplify(&tetrahedron, 1).corners.len(), 4);
+        assert_eq!(simplify(&tetrahedron, 1).corners(1).len(), 4);
         let octahedron = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| [axis, -axis]).concat();
-        let corners = simplify(&octahedron, 6).corners;
+        let corners = simplify(&octahedron, 6).corners(6).to_vec();
         assert!(corners.len() == 6 && octahedron.iter().all(|corner| corners.contains(corner)));
     }
 
@@ -246,8 +262,8 @@ mod tests {
     fn boxes_are_unchanged() {
         let corners: Vec<DVec3> =
             (0..8).map(|i| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2))).collect();
-        assert_eq!(simplify(&corners, 6).corners.len(), 8);
-        assert_eq!(simplify(&corners[1..], 6).corners.len(), 7);
+        assert_eq!(simplify(&corners, 6).corners(6).len(), 8);
+        assert_eq!(simplify(&corners[1..], 6).corners(6).len(), 7);
     }
 
     /// The only corner that could replace the last edge is 30,000 away, where rounding would cut off a point by 8e-9,
@@ -273,7 +289,7 @@ mod tests {
             [11, 3, 1],
         ];
         let points = points.map(|p| DVec3::from_array(p.map(f64::from)) / 16.0);
-        let Span::Solid(simplified) = span(&simplify(&points, 4).corners) else {
+        let Span::Solid(simplified) = span(simplify(&points, 4).corners(4)) else {
             unreachable!("a cloud with a volume")
         };
         assert!(simplified.contains(&points));
@@ -285,7 +301,7 @@ mod tests {
         let cut = 0.9;
         let points = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z * cut];
         let points = [&points[..], &[DVec3::new(1.0 - cut, 0.0, cut), DVec3::new(0.0, 1.0 - cut, cut)]].concat();
-        let mut corners = simplify(&points, 4).corners;
+        let mut corners = simplify(&points, 4).corners(4).to_vec();
         corners.sort_by(|a, b| a.z.total_cmp(&b.z));
         assert!(corners[3].distance(DVec3::Z) < 1e-12, "{corners:?}");
     }
@@ -293,12 +309,12 @@ mod tests {
     #[test]
     fn flat_clouds_keep_their_corners() {
         let corner = DVec3::splat(0.25);
-        assert_eq!(simplify(&[corner; 5], 6).corners, [corner]);
-        assert_eq!(simplify(&[corner, DVec3::ONE, DVec3::splat(0.5)], 6).corners, [corner, DVec3::ONE]);
+        assert_eq!(simplify(&[corner; 5], 6).corners(6), [corner]);
+        assert_eq!(simplify(&[corner, DVec3::ONE, DVec3::splat(0.5)], 6).corners(6), [corner, DVec3::ONE]);
         let square = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::X + DVec3::Y, DVec3::X * 0.5];
-        assert_eq!(simplify(&square, 6).corners.len(), 4);
+        assert_eq!(simplify(&square, 6).corners(6).len(), 4);
         let circle: Vec<DVec3> = (0..20).map(|i| DVec3::new(f64::from(i).sin(), f64::from(i).cos(), 0.5)).collect();
         let simplified = simplify(&circle, 6);
-        assert_eq!((simplified.before, simplified.corners.len()), (20, 6));
+        assert_eq!((simplified.before(), simplified.corners(6).len()), (20, 6));
     }
 }

@@ -44,6 +44,19 @@ pub fn tone_space(encoded: DVec3) -> DVec3 {
     from_oklab(oklab(encoded.clamp(DVec3::ZERO, DVec3::ONE)))
 }
 
+/// Returns the index of the nearest of some places, and the square of its distance. Ties go to the first place. Without
+/// places, the distance is infinite.
+pub(super) fn nearest(place: DVec3, places: impl IntoIterator<Item = DVec3>) -> (usize, f64) {
+    let mut best = (0, f64::INFINITY);
+    for (index, other) in places.into_iter().enumerate() {
+        let distance = place.distance_squared(other);
+        if distance < best.1 {
+            best = (index, distance);
+        }
+    }
+    best
+}
+
 /// Returns where a color of Oklab is in [`tone_space`].
 pub(super) fn from_oklab(oklab: DVec3) -> DVec3 {
     oklab * DVec3::new(1.0, CHROMA, CHROMA)

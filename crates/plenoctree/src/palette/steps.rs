@@ -33,8 +33,9 @@ pub fn simplify_hull(colors: &[[f64; 3]], max_colors: usize) -> Result<Palette, 
     let mut outer = colors.to_vec();
     (0..3).for_each(|axis| keep_ends(&mut outer, axis));
     let points: Vec<DVec3> = outer.into_iter().map(DVec3::from).collect();
-    let corners = simplify(&points, max_colors, &Progress::default()).corners;
-    let corners = corners.iter().map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect();
+    let simplified = simplify(&points, max_colors, &Progress::default());
+    let corners = simplified.corners(max_colors).iter();
+    let corners = corners.map(|corner| corner.clamp(DVec3::ZERO, DVec3::ONE).into()).collect();
 
     let share = 1.0 / colors.len() as f64;
     let palette = order(corners, &Clusters { centers: colors.to_vec(), weights: vec![share; colors.len()] });
@@ -87,7 +88,8 @@ pub fn k_means(
 /// Keeps only the two ends of the colors on each line along an axis, since the others cannot be corners. Of the colors
 /// of an 8-bit image, which are on a lattice, only the surface remains.
 fn keep_ends(colors: &mut Vec<[f64; 3]>, axis: usize) {
-    let line = |color: &[f64; 3]| [color[(axis + 1) % 3], color[(axis + 2) % 3]];
+    // Adding 0 makes -0 the same as 0, also to `total_cmp`.
+    let line = |color: &[f64; 3]| [color[(axis + 1) % 3] + 0.0, color[(axis + 2) % 3] + 0.0];
     colors.sort_unstable_by(|a, b| {
         let ([a0, a1], [b0, b1]) = (line(a), line(b));
         a0.total_cmp(&b0).then(a1.total_cmp(&b1)).then(a[axis].total_cmp(&b[axis]))
@@ -105,7 +107,9 @@ mod tests {
     use crate::palette::{ColorCount, PaletteMethod};
 
     fn image() -> impl Strategy<Value = Vec<[f64; 3]>> {
-        let pixel = prop::array::uniform3(0..8u8).prop_map(|p| p.map(|x| f64::from(x) / 7.0));
+        // Some are 0, and some -0.
+        let channel = |x: i8| if x < 0 { -0.0 } else { f64::from(x) / 7.0 };
+        let pixel = prop::array::uniform3(-1..8i8).prop_map(move |p| p.map(channel));
         prop::collection::vec(pixel, 1..200)
     }
 
@@ -122,7 +126,8 @@ mod tests {
             (0..3).for_each(|axis| keep_ends(&mut outer, axis));
             let points = |colors: &[[f64; 3]]| colors.iter().map(|&color| color.into()).collect::<Vec<DVec3>>();
             let corners = |colors: &[[f64; 3]]| {
-                let mut corners = simplify(&points(colors), usize::MAX, &Progress::default()).corners;
+                let simplified = simplify(&points(colors), usize::MAX, &Progress::default());
+                let mut corners: Vec<DVec3> = simplified.corners(usize::MAX).iter().map(|c| c + DVec3::ZERO).collect();
                 corners.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
                 corners
             };

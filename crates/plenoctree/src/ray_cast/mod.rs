@@ -2,7 +2,7 @@
 
 mod normal;
 
-use std::{f64::consts::LN_2, ops::ControlFlow};
+use std::f64::consts::LN_2;
 
 use glam::DVec3;
 
@@ -43,9 +43,17 @@ impl PlenOctree {
     /// # Ok::<(), plenoctree::BakeError>(())
     /// ```
     pub fn cast_ray(&self, origin: DVec3, direction: DVec3) -> Option<FieldHit> {
-        let (distance, density) = half_opacity(self, origin, direction)?;
+        // The distance at which the opacity reaches one half, and the density there.
+        let (mut depth, mut half) = (0.0, None);
+        let (color, opacity) = self.render_ray_visiting(origin, direction, |crossing, density| {
+            let missing = LN_2 - depth;
+            depth += density * crossing.length;
+            if half.is_none() && depth >= LN_2 {
+                half = Some((crossing.start + missing / density, density));
+            }
+        });
+        let (distance, density) = half?;
         let point = origin + distance * direction;
-        let (color, opacity) = self.render_ray(origin, direction);
         Some(FieldHit {
             point,
             distance,
@@ -54,21 +62,4 @@ impl PlenOctree {
             opacity,
         })
     }
-}
-
-/// Returns the distance at which the opacity along the ray reaches one half, and the density there.
-fn half_opacity(field: &PlenOctree, origin: DVec3, direction: DVec3) -> Option<(f64, f64)> {
-    let mut depth = 0.0;
-    let mut found = None;
-    field.march(origin, direction, |crossing| {
-        let density = f64::from(field.densities()[crossing.leaf as usize]);
-        let missing = LN_2 - depth;
-        depth += density * crossing.length;
-        if depth < LN_2 {
-            return ControlFlow::Continue(());
-        }
-        found = Some((crossing.start + missing / density, density));
-        ControlFlow::Break(())
-    });
-    found
 }

@@ -49,6 +49,9 @@ pub fn sample(
 ) -> Result<Histograms, SamplingError> {
     settings.validate()?;
     if let Some(histograms) = field.histograms(settings) {
+        // Nothing is left to do, which counts as done.
+        progress.begin(1);
+        progress.advance(1);
         return Ok(histograms);
     }
     let blocks = Blocks::new(field, progress)?;

@@ -54,7 +54,7 @@ impl ViewRays {
 pub struct View {
     /// The distance of neighboring rays.
     pub(crate) step: f64,
-    /// What the rays see, row by row, or `None` where a ray does not become half opaque.
+    /// What the rays see, row by row, or `None` where what a ray sees is too faint to get a label.
     pub(crate) seen: Vec<Option<Seen>>,
 }
 
@@ -62,11 +62,16 @@ pub struct View {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Seen {
     color: [f32; 3],
-    /// The depth at which the ray becomes half opaque.
+    /// The depth at which the ray becomes half opaque, or infinity if it does not.
     pub depth: f32,
 }
 
 impl Seen {
+    /// Returns what a ray sees, given its opacity and the depth at which it becomes half opaque, unless it is too faint.
+    fn new(color: [f32; 3], opacity: f32, surface: Option<f32>) -> Option<Self> {
+        (surface.is_some() || opacity >= SEEN).then_some(Self { color, depth: surface.unwrap_or(f32::INFINITY) })
+    }
+
     /// Returns the color in encoded sRGB.
     pub fn color(&self) -> DVec3 {
         DVec3::from(self.color.map(f64::from))
@@ -77,8 +82,10 @@ impl Seen {
 const SHARE: f32 = 0.3;
 /// Transmittance below which a ray ends.
 const OPAQUE: f64 = 1e-2;
-/// Opacity from which a ray counts.
-const SEEN: f64 = 0.5;
+/// Opacity from which the color of a ray counts: where pixels get labels, by default.
+const SEEN: f32 = 80.0 / 255.0;
+/// Opacity from which a ray sees a surface.
+const SURFACE: f64 = 0.5;
 
 impl View {
     /// Returns what all rays see of a field, on all cores.
@@ -104,16 +111,22 @@ impl View {
     }
 
     /// Returns what all rays see according to another program, such as one on the GPU: `texels` holds their colors in
-    /// encoded sRGB, each with the depth at which the ray becomes half opaque, or a negative number where it does not.
+    /// encoded sRGB, each with the depth at which the ray becomes half opaque or, where it does not, its opacity times
+    /// -1.
     ///
     /// Rays end where less than 1% of the light is left, and their colors are divided by their opacity.
     pub fn from_texels(rays: &[ViewRays], texels: &[[f32; 4]], progress: &Progress) -> Vec<Self> {
-        let seen = |&[r, g, b, depth]: &[f32; 4]| (depth >= 0.0).then_some(Seen { color: [r, g, b], depth });
+        let seen = |&[r, g, b, depth]: &[f32; 4]| Seen::new([r, g, b], -depth, (depth > 0.0).then_some(depth));
         let view = |(view, texels): (&ViewRays, &[[f32; 4]])| {
             progress.compute(SHARE / rays.len() as f32);
             Self { step: view.right.length(), seen: texels.iter().map(seen).collect() }
         };
         rays.iter().zip(texels.chunks_exact(ViewRays::SIDE * ViewRays::SIDE)).map(view).collect()
+    }
+
+    /// Returns the colors that rays see, in encoded sRGB, and whether each becomes half opaque, as at a surface.
+    pub(crate) fn colors(&self) -> impl Iterator<Item = (DVec3, bool)> {
+        self.seen.iter().flatten().map(|seen| (seen.color(), seen.depth.is_finite()))
     }
 }
 
@@ -123,18 +136,33 @@ fn see(field: &PlenOctree, origin: DVec3, direction: DVec3, basis: &[f64; 25]) -
         let opacity = -(-f64::from(field.densities()[crossing.leaf as usize]) * crossing.length).exp_m1();
         color += transmittance * opacity * field.radiance_with(crossing.leaf, basis);
         transmittance *= 1.0 - opacity;
-        if depth.is_none() && transmittance < 1.0 - SEEN {
+        if depth.is_none() && transmittance < 1.0 - SURFACE {
             depth = Some(crossing.start as f32);
         }
         if transmittance < OPAQUE { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
-    Some(Seen { color: (color / (1.0 - transmittance)).as_vec3().to_array(), depth: depth? })
+    let opacity = 1.0 - transmittance;
+    Seen::new((color / opacity).as_vec3().to_array(), opacity as f32, depth)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::bake::{BakeSettings, bake};
+
+    /// Rays that are not half opaque have a color from an opacity of 80/255 on, and no depth.
+    #[test]
+    fn faint_rays_have_no_depth() {
+        let [first, right, down, direction] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+        let rays = [ViewRays { first, right, down, direction }];
+        let mut texels = vec![[0.5, 0.5, 0.5, 0.0]; ViewRays::SIDE * ViewRays::SIDE];
+        for (texel, depth) in texels.iter_mut().zip([2.0, -0.49, -0.32, -0.31]) {
+            texel[3] = depth;
+        }
+        let views = View::from_texels(&rays, &texels, &Progress::default());
+        let depths: Vec<_> = views[0].seen[..5].iter().map(|seen| seen.map(|seen| seen.depth)).collect();
+        assert_eq!(depths, [Some(2.0), Some(f32::INFINITY), Some(f32::INFINITY), None, None]);
+    }
 
     /// However many directions a field is sampled from, its views fit in memory.
     #[test]

@@ -1,12 +1,12 @@
 //! Sampling on the CPU, without an app.
 
-use std::{sync::Arc, time::Instant};
+use std::sync::Arc;
 
 use plenoctree::{
     PlenOctree,
-    palette::{ExtractionSettings, extract_from_samples},
+    palette::{ExtractionSettings, extract_with},
     reference::sample_histograms,
-    sampling::{Histograms, Progress, SamplingSettings, View, sample},
+    sampling::{Histograms, Progress, SamplingError, SamplingSettings, sample},
 };
 
 use super::extracted::Extracted;
@@ -16,7 +16,7 @@ use crate::{progress, result::Result};
 pub fn extract(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {
     let bar = progress::bar("extracting", 100, quiet);
     let progress = settings.progress();
-    let sampler = |settings: &SamplingSettings| sample(field, settings, &progress).map_err(|error| error.to_string());
+    let sampler = |settings: &SamplingSettings| sample(field, settings, &progress);
     let work = || sample_and_extract(field, settings, sampling_on(field, settings), sampler, &progress);
     let show = || bar.set_position((100.0 * progress.fraction()) as u64);
     Ok(progress::watched(&bar, work, show)?)
@@ -30,7 +30,7 @@ fn sampling_on(field: &PlenOctree, settings: &ExtractionSettings) -> &'static st
 /// Samples every leaf with the float64 reference, which does not report its progress.
 pub fn extract_by_reference(field: &PlenOctree, settings: &ExtractionSettings, quiet: bool) -> Result<Extracted> {
     let spinner = progress::spinner("extracting", quiet);
-    let sampler = |settings: &SamplingSettings| sample_histograms(field, settings).map_err(|error| error.to_string());
+    let sampler = |settings: &SamplingSettings| Ok(sample_histograms(field, settings)?);
     let extracted = sample_and_extract(field, settings, "reference", sampler, &Progress::default())?;
     spinner.finish_and_clear();
     Ok(extracted)
@@ -40,16 +40,10 @@ fn sample_and_extract(
     field: &PlenOctree,
     settings: &ExtractionSettings,
     sampling_on: &'static str,
-    sampler: impl FnOnce(&SamplingSettings) -> Result<Histograms, String>,
+    sampler: impl FnOnce(&SamplingSettings) -> Result<Histograms, SamplingError>,
     progress: &Progress,
 ) -> Result<Extracted, String> {
-    settings.validate().map_err(|error| error.to_string())?;
-    let start = Instant::now();
-    let histograms = sampler(&settings.sampling)?;
-    let views = View::all(field, &settings.view_rays(field), progress).map_err(|error| error.to_string())?;
-    let sampling = start.elapsed().as_secs_f64();
-    let extracted = extract_from_samples(&histograms, &views, settings, progress);
-    let mut extraction = extracted.map_err(|error| error.to_string())?;
-    extraction.report.seconds.sampling = sampling;
+    let (extraction, histograms) =
+        extract_with(field, settings, progress, sampler).map_err(|error| error.to_string())?;
     Ok(Extracted { extraction, histograms: Arc::new(histograms), sampling_on })
 }

@@ -4,7 +4,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
-    palette::{colors::Palette, space::tone_space},
+    palette::{
+        colors::Palette,
+        space::{nearest, tone_space},
+    },
     sampling::{View, ViewRays},
 };
 
@@ -37,11 +40,12 @@ impl Borders {
 
     fn in_view(view: &View, tones: &[DVec3]) -> Self {
         let mut borders = Self::none(tones.len());
+        let tone = |color: DVec3| nearest(tone_space(color), tones.iter().copied()).0;
         // The tone and the depth of the rays above and to the left.
         let (mut above, mut left): (Vec<Option<(usize, f64)>>, _) = (vec![None; ViewRays::SIDE], None);
         for (ray, seen) in view.seen.iter().enumerate() {
             let column = ray % ViewRays::SIDE;
-            let seen = seen.map(|seen| (nearest(seen.color(), tones), f64::from(seen.depth)));
+            let seen = seen.map(|seen| (tone(seen.color()), f64::from(seen.depth)));
             let before = if column == 0 { None } else { left };
             for (other, depth) in [before, above[column]].into_iter().flatten() {
                 if let Some((own, own_depth)) = seen
@@ -66,17 +70,4 @@ impl Borders {
             self.counts[b * self.colors + a] += 1;
         }
     }
-}
-
-/// Returns the tone nearest to a color in encoded sRGB.
-fn nearest(color: DVec3, tones: &[DVec3]) -> usize {
-    let place = tone_space(color);
-    let mut best = (0, f64::INFINITY);
-    for (index, tone) in tones.iter().enumerate() {
-        let distance = place.distance_squared(*tone);
-        if distance < best.1 {
-            best = (index, distance);
-        }
-    }
-    best.0
 }

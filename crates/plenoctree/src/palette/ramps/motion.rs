@@ -8,7 +8,7 @@ use crate::palette::{colors::Palette, oklab::oklab};
 const DARK: f64 = 0.12;
 /// Ratio of chroma to lightness below which a ramp is gray, and has no hue to turn.
 const GRAY: f64 = 0.05;
-/// The least weight of a tone: those of handmade palettes may be 0.
+/// The least weight of a tone: those of handmade palettes may be 0, or there are none.
 const LEAST: f64 = 1e-9;
 
 /// Where a ramp moves.
@@ -34,7 +34,8 @@ impl<'a> Shades<'a> {
     /// Returns the tones of a ramp, or `None` if there is no such ramp, or if it does not fit the palette.
     pub fn of(palette: &'a Palette, ramp: usize) -> Option<Self> {
         let tones = &palette.ramps.get(ramp)?.tones;
-        let fits = tones.iter().all(|tone| *tone < palette.colors.len() && *tone < palette.weights.len());
+        let (colors, weights) = (palette.colors.len(), palette.weights.len());
+        let fits = tones.iter().all(|tone| *tone < colors && (weights == 0 || *tone < weights));
         (fits && !tones.is_empty()).then_some(Self { palette, tones })
     }
 
@@ -44,9 +45,8 @@ impl<'a> Shades<'a> {
 
     /// Returns the index, the weight and the color of all tones.
     fn shades(&self) -> impl Iterator<Item = (usize, f64, DVec3)> {
-        let shade =
-            |tone: usize| (tone, self.palette.weights[tone].max(LEAST), oklab(self.palette.colors[tone].into()));
-        self.tones().map(shade)
+        let weight = |tone: usize| self.palette.weights.get(tone).map_or(LEAST, |weight| weight.max(LEAST));
+        self.tones().map(move |tone| (tone, weight(tone), oklab(self.palette.colors[tone].into())))
     }
 
     /// Returns the weighted mean.

@@ -67,6 +67,20 @@ fn shades_of_a_material_are_one_ramp() {
     assert_eq!(palette.validate(), Ok(()));
 }
 
+/// Handmade palettes may have no weights: then all colors count the same.
+#[test]
+fn ramps_need_no_weights() {
+    let mut palette = palette();
+    palette.weights = Vec::new();
+    palette.ramps = palette.guess_ramps();
+    let even = Palette { weights: vec![1.0; 13], ..palette.clone() };
+    let adjustment = RampAdjustment::to_color([0.1, 0.2, 0.8]);
+    for ramp in 0..palette.ramps.len() {
+        let [found, expected] = [&palette, &even].map(|palette| shown(palette, ramp, &adjustment));
+        assert!(found.iter().zip(&expected).all(|(a, b)| place(*a).distance(place(*b)) < 1e-9), "{found:?}");
+    }
+}
+
 /// A shadow whose tint is that of neither material belongs to the one that it is seen on.
 #[test]
 fn borders_tell_whose_shadow_it_is() {

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::{neutral::neutral, points::Point};
 use crate::{
-    palette::{colors::Palette, method::ColorCount, oklab::from_oklab},
+    palette::{colors::Palette, method::ColorCount, oklab::from_oklab, space::nearest},
     sampling::{Canceled, Progress},
 };
 
@@ -111,13 +111,7 @@ impl Tones<'_> {
     fn assign(&mut self) -> bool {
         let places = &self.places;
         let assign = |(point, own): (&Point, &mut (usize, f64))| {
-            let mut nearest = (0, f64::INFINITY);
-            for (index, place) in places.iter().enumerate() {
-                let distance = point.place.distance_squared(*place);
-                if distance < nearest.1 {
-                    nearest = (index, distance);
-                }
-            }
+            let nearest = nearest(point.place, places.iter().copied());
             std::mem::replace(own, nearest).0 != nearest.0
         };
         self.points.par_iter().zip(&mut self.own).with_min_len(256).map(assign).reduce(|| false, |a, b| a | b)

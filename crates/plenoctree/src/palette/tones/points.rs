@@ -1,8 +1,8 @@
 //! The colors of a field in tone space, in which tones are judged by distance.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
-use glam::DVec3;
+use glam::{DVec3, IVec3};
 use rayon::prelude::*;
 
 use crate::{
@@ -32,6 +32,8 @@ pub(in crate::palette) struct Point {
 const MOST: usize = 3000;
 /// The side of the first cells in which colors are merged, if there are more.
 const CELL: f64 = 0.01;
+/// The side of the cells beside which colors of haze are near those of surfaces.
+const HAZE: f64 = 0.1;
 /// The distance within which colors count as similar, for their salience.
 const SIMILAR: f64 = 0.06;
 /// The weight of similar colors together counts like their share to this power.
@@ -39,10 +41,17 @@ const SALIENCE: f64 = 0.75;
 /// The share of similar colors below which they count in proportion to it, so that specks do not become tones.
 const SPECK: f64 = 1e-3;
 
-/// Returns the colors of what is seen in views, each as often as it is seen.
+/// Returns the colors of what is seen in views, each as often as it is seen. Where there is no surface, as in glass,
+/// colors only count if none of a surface is near, because the haze around surfaces would move their tones.
 pub(in crate::palette) fn seen_colors(views: &[View]) -> Vec<(DVec3, f64)> {
-    let seen = views.iter().flat_map(|view| view.seen.iter().flatten());
-    seen.map(|seen| (seen.color().clamp(DVec3::ZERO, DVec3::ONE), 1.0)).collect()
+    let cell = |color: DVec3| (space::tone_space(color) / HAZE).round().as_ivec3();
+    let of_surfaces = |view: &View| view.colors().filter(|seen| seen.1).map(|seen| cell(seen.0)).collect::<Vec<_>>();
+    let cells: HashSet<IVec3> = views.par_iter().flat_map_iter(of_surfaces).collect();
+    let beside = |cell: IVec3| (0..27).map(move |i| cell + IVec3::new(i / 9, i / 3 % 3, i % 3) - 1);
+    let near: HashSet<IVec3> = cells.into_iter().flat_map(beside).collect();
+    let seen = views.iter().flat_map(View::colors);
+    let seen = seen.filter(|(color, is_surface)| *is_surface || !near.contains(&cell(*color)));
+    seen.map(|(color, _)| (color.clamp(DVec3::ZERO, DVec3::ONE), 1.0)).collect()
 }
 
 /// Returns the colors of a histogram that have weight.
