@@ -40,6 +40,7 @@ fn at(frame: &RgbaImage, [x, y]: [u32; 2]) -> DVec3 {
 }
 
 /// Expects that the prop looks like the mesh, and unlike without fog.
+#[track_caller]
 fn check(stage: &mut Sides, clear: DVec3, what: &str) {
     let frame = stage.capture();
     for (of_prop, of_mesh) in pairs() {
