@@ -22,7 +22,7 @@ use glam::DVec3;
 use half::f16;
 use plenoctree::{Basis, Frame};
 
-use super::stage::{Stage, fields::Shell, wait_for};
+use super::stage::{Stage, fields::Shell, hear, wait_for};
 
 const SIZE: u32 = 64;
 /// The size of a slice.
@@ -42,17 +42,6 @@ fn ball(radius: f64, center: DVec3, color: [f64; 3]) -> PlenOctree {
         .unwrap()
 }
 
-#[derive(Resource, Default)]
-struct Heard {
-    ready: usize,
-    failed: Vec<FieldFailed>,
-}
-
-fn hear(mut heard: ResMut<Heard>, mut ready: MessageReader<FieldReady>, mut failed: MessageReader<FieldFailed>) {
-    heard.ready += ready.read().count();
-    heard.failed.extend(failed.read().cloned());
-}
-
 /// An app whose frames are all read back, without waiting for anything.
 struct Arrival {
     stage: Stage,
@@ -62,7 +51,8 @@ struct Arrival {
 impl Arrival {
     fn new(limits: wgpu::Limits) -> Self {
         let mut stage = Stage::limited(SIZE, limits, |app| {
-            app.init_resource::<Heard>().add_systems(Last, hear);
+            hear::<FieldReady>(app);
+            hear::<FieldFailed>(app);
         });
         // One slice per frame.
         stage.world().insert_resource(UploadBudget(Some(Duration::ZERO)));
@@ -139,7 +129,7 @@ fn fields_arrive_in_slices_and_are_drawn_when_they_are_whole() {
     let whole = arrival.stage.capture().into_raw();
     assert!(whole != empty);
     assert!(seen == [empty.clone(), whole.clone()], "{} different frames", seen.len());
-    assert_eq!(arrival.stage.world().resource::<Heard>().ready, 1);
+    assert_eq!(arrival.stage.heard::<FieldReady>().len(), 1);
 
     // Reloaded, elsewhere and in another color: the earlier version is drawn in its place until the new one has
     // arrived.
@@ -162,9 +152,9 @@ fn fields_arrive_in_slices_and_are_drawn_when_they_are_whole() {
     arrival.arrive(prop);
     assert!(matches!(arrival.state(prop), PropState::Failed(PropError::TooLarge(_))), "{:?}", arrival.state(prop));
     assert!(arrival.seen() == [reloaded.clone()]);
-    let heard = arrival.stage.world().resource::<Heard>();
-    assert_eq!(heard.ready, 2);
-    let failed: Vec<_> = heard.failed.iter().map(|failed| (failed.field, failed.only_level)).collect();
+    assert_eq!(arrival.stage.heard::<FieldReady>().len(), 2);
+    let failed = arrival.stage.heard::<FieldFailed>().iter();
+    let failed: Vec<_> = failed.map(|failed| (failed.field, failed.only_level)).collect();
     assert_eq!(failed, [(red.id(), false)]);
 
     // Another field: the prop keeps the one that it shows.

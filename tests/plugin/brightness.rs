@@ -8,15 +8,14 @@ use bevy::{
     prelude::*,
 };
 use bevy_plenoctree::{
-    BorderSmoothing, EdgeSmoothing, FieldPalette, PaletteExtraction, PlenOctree, Posterize, PropLighting, PropTint,
-    headless::exact_camera,
+    BorderSmoothing, EdgeSmoothing, FieldPalette, PlenOctree, Posterize, PropLighting, PropTint, headless::exact_camera,
 };
 use glam::{DVec2, DVec3};
 use image::RgbaImage;
 
 use super::stage::{
     Stage,
-    fields::{colored, included},
+    fields::{colored, included, included_palette},
     pixels::{color, linear, places},
 };
 
@@ -327,10 +326,10 @@ fn cartoons_have_no_ends_of_shadows() {
     const WIDTH: u32 = 480;
     let mut stage = Stage::with_meshes(WIDTH);
     stage.spawn_prop(&included("robot"), ());
+    stage.paint(included_palette("robot"));
     stage.set((exact_camera(Color::WHITE), Transform::from_xyz(0.0, 0.5, 3.0).looking_at(Vec3::ZERO, Vec3::Y)));
     spawn_sun(&mut stage, DVec3::new(3.0, 5.0, 2.0), 8000.0, true);
     let toon = PropLighting::toon(2.0);
-    stage.world().resource_mut::<PaletteExtraction>().settings.sampling.sample_fraction = 0.1;
     stage.dress((Posterize::toon(), toon));
     stage.wait();
     let spots = |stage: &mut Stage, self_shadow_distance: f32| {
@@ -350,9 +349,10 @@ fn cartoons_have_no_ends_of_shadows() {
 #[test]
 fn lamps_bring_back_what_night_takes() {
     let night = PropTint(Color::linear_rgb(0.25, 0.25, 0.3));
-    for name in ["robot", "toadstool", "drum"] {
-        let mut scene = scene(&included(name));
-        scene.world().resource_mut::<PaletteExtraction>().settings.sampling.sample_fraction = 0.1;
+    let mut scene = scene(&BALL);
+    for name in ["robot", "chest", "drum"] {
+        scene.show(&included(name));
+        scene.paint(included_palette(name));
         scene.dress(Posterize::toon());
         scene.wait();
         let mean = |scene: &mut Stage| scene.capture().pixels().map(linear).sum::<Vec3>().element_sum();
@@ -360,8 +360,10 @@ fn lamps_bring_back_what_night_takes() {
         scene.dress((night, PropLighting { brightness: 3.0, ..default() }));
         let dark = mean(&mut scene) / by_day;
         let lamp = PointLight { intensity: 3e7, range: 30.0, ..default() };
-        scene.spawn((lamp, Transform::from_xyz(0.3, 0.5, 5.0)));
+        let lamp = scene.spawn((lamp, Transform::from_xyz(0.3, 0.5, 5.0)));
         let lit = mean(&mut scene) / by_day;
+        scene.undress::<(Posterize, PropTint, PropLighting)>();
+        scene.world().despawn(lamp);
         println!("{name}: {dark:.2} of the light of day, and {lit:.2} next to a lamp");
         assert!(dark < 0.3 && (0.8..1.2).contains(&lit), "{name}: {dark}, {lit}");
     }

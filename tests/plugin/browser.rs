@@ -22,8 +22,8 @@ use bevy::{
     prelude::*,
 };
 use bevy_plenoctree::{
-    LabelStages, PaletteExtraction, PaletteSampler, PlenOctreePlugin, Posterize, PosterizeView, PropLighting,
-    PropPlacement, PropQuality, SolidOpacity,
+    FieldPalette, LabelStages, PaletteExtraction, PaletteSampler, Palettes, PlenOctreePlugin, Posterize, PosterizeView,
+    PropLighting, PropPlacement, PropQuality, SolidOpacity,
     headless::{Headless, LitMeshPlugins},
 };
 
@@ -90,27 +90,36 @@ fn everything_is_within_the_default_limits_of_webgpu() {
     }
 }
 
-/// Draws the scene of an example.
-fn draw<M>(name: &str, setup: impl IntoScheduleConfigs<ScheduleSystem, M>) {
+/// Draws the scene of an example, which shows the toadstool. Returns the palette, which is extracted unless given.
+fn draw<M>(
+    name: &str,
+    setup: impl IntoScheduleConfigs<ScheduleSystem, M>,
+    palette: Option<FieldPalette>,
+) -> Option<FieldPalette> {
     let mut headless = Headless::with_limits(UVec2::splat(PIXELS), wgpu::Limits::default(), |app| {
         app.add_plugins((LitMeshPlugins, PlenOctreePlugin)).add_systems(Startup, setup);
     })
     .unwrap();
     let target = headless.target();
-    let mut extraction = headless.app.world_mut().resource_mut::<PaletteExtraction>();
-    extraction.settings.sampling.sample_fraction = 0.1;
+    let world = headless.app.world_mut();
+    world.resource_mut::<PaletteExtraction>().settings.sampling.sample_fraction = 0.03;
+    let field = world.resource::<AssetServer>().load("toadstool.plenoctree");
+    if let Some(palette) = palette {
+        world.resource_mut::<Palettes>().insert(&field, palette);
+    }
     headless.app.add_observer(move |camera: On<Add, Camera>, mut commands: Commands| {
         commands.entity(camera.entity).insert(target.clone());
     });
     headless.wait_until_ready(PATIENCE).unwrap_or_else(|error| panic!("{name}: {error}"));
     let frame = headless.capture().unwrap_or_else(|error| panic!("{name}: {error}"));
     assert!(frame.pixels().any(|pixel| pixel != frame.get_pixel(0, 0)), "{name} shows nothing");
+    headless.app.world().resource::<Palettes>().get(&field).cloned()
 }
 
 #[test]
 fn examples_without_arguments_are_within_these_limits() {
-    draw("custom_stage", custom_stage::setup);
-    draw("minimal", minimal::setup);
-    draw("posterize", posterize::setup);
-    draw("recolor", recolor::setup);
+    let palette = draw("minimal", minimal::setup, None);
+    draw("custom_stage", custom_stage::setup, palette.clone());
+    draw("posterize", posterize::setup, palette.clone());
+    draw("recolor", recolor::setup, palette);
 }

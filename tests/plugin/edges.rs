@@ -1,5 +1,7 @@
 //! Tests the edges of posterized props, against images with 16 rays per pixel that are posterized separately.
 
+use std::{collections::BTreeMap, sync::Mutex};
+
 use bevy::{
     camera::{Hdr, ScalingMode, visibility::RenderLayers},
     prelude::*,
@@ -53,8 +55,17 @@ struct Scene {
 }
 
 impl Scene {
+    /// Creates a scene for props alone.
     fn new() -> Self {
-        let mut stage = Stage::with_meshes(SIZE);
+        Self::around(Stage::new(SIZE))
+    }
+
+    /// Creates a scene for props, meshes and lights.
+    fn with_meshes() -> Self {
+        Self::around(Stage::with_meshes(SIZE))
+    }
+
+    fn around(mut stage: Stage) -> Self {
         stage.set_background(SKY);
         stage.set(Transform::from_xyz(0.3, 0.5, 3.0).looking_at(Vec3::ZERO, Vec3::Y));
         Self { stage, meshes: vec![] }
@@ -75,12 +86,17 @@ impl Scene {
     }
 
     /// Spawns one of the included props.
-    fn spawn_included(&mut self, name: &str) {
+    fn spawn_included(&mut self, name: &'static str) {
+        /// The palettes of props, extracted once.
+        static PALETTES: Mutex<BTreeMap<&str, Palette>> = Mutex::new(BTreeMap::new());
         let field = included(name);
-        let sampling = SamplingSettings { sample_fraction: 0.1, ..default() };
-        let fitted = ExtractionSettings { method: PaletteMethod::Fitted, sampling, ..default() };
-        let extraction = extract(&field, &fitted, &Progress::default()).unwrap();
-        self.spawn_posterized(&field, extraction.palette, default());
+        let extracted = || {
+            let sampling = SamplingSettings { sample_fraction: 0.1, ..default() };
+            let fitted = ExtractionSettings { method: PaletteMethod::Fitted, sampling, ..default() };
+            extract(&field, &fitted, &Progress::default()).unwrap().palette
+        };
+        let palette = PALETTES.lock().unwrap().entry(name).or_insert_with(extracted).clone();
+        self.spawn_posterized(&field, palette, default());
     }
 
     /// Spawns an unlit square of this size.
@@ -127,11 +143,9 @@ impl Scene {
         let camera = self.headless.app.world().entity(self.camera);
         let before = (*camera.get::<Msaa>().unwrap(), camera.get::<PropQuality>().copied().unwrap_or_default());
         self.headless.resize(UVec2::splat(FINE * SIZE));
-        self.headless.update();
         self.set((Msaa::Off, PropQuality { ray_tolerance: 0.0, ..before.1 }));
         let (owners, frame) = (self.owners(), self.draw(EdgeSmoothing::Off));
         self.headless.resize(UVec2::splat(SIZE));
-        self.headless.update();
         self.set(before);
         let rays = |x: u32, y: u32| (0..FINE * FINE).map(move |ray| (FINE * x + ray % FINE, FINE * y + ray / FINE));
         let owners = places(SIZE, SIZE)
@@ -212,7 +226,7 @@ fn floor() -> Transform {
 
 #[test]
 fn edges_are_close_to_supersampled_ones() {
-    let mut stage = Scene::new();
+    let mut stage = Scene::with_meshes();
     let mut results = vec![];
     let mut check = |stage: &mut Scene, fine: &Fine, what: &str, most: f64| {
         let (hard, smooth) = stage.errors(what, fine);
@@ -357,7 +371,7 @@ fn edges_between_large_cells_follow_from_opacity() {
 /// It does so with samples, at the display, before a mesh, and beside other props, whose results are added up.
 #[test]
 fn opacity_replaces_rays_in_all_views() {
-    let mut stage = Scene::new();
+    let mut stage = Scene::with_meshes();
     let soft = |at: DVec3| if at.length() < 0.8 { 8.0 * (-(at.length() / 0.6).powi(8)).exp() } else { 0.0 };
     let soft = colored(6, soft, |_| GREEN.into());
     let spawn = |stage: &mut Scene, x: f32| {
@@ -517,7 +531,7 @@ fn smooth_edges_draw_no_line_in_haze() {
 /// prop may be behind them, they show nothing.
 #[test]
 fn slits_show_the_scene_behind() {
-    let mut stage = Scene::new();
+    let mut stage = Scene::with_meshes();
     stage.set(Transform::from_xyz(1.0, 1.2, 3.2).looking_at(Vec3::ZERO, Vec3::Y));
     stage.spawn_included("drum");
     for has_wall in [false, true] {
@@ -549,25 +563,29 @@ fn slits_show_the_scene_behind() {
 /// When the camera turns slowly, edges change less from frame to frame than hard ones.
 #[test]
 fn smooth_edges_are_steadier() {
-    let whole = (Projection::default(), Vec3::ZERO);
-    let close = (close(Vec3::ZERO).0, Vec3::new(0.6, 0.3, 0.0));
-    for estimates_edges in [false, true] {
-        let quality = PropQuality { estimates_edges, ..default() };
-        steadier(quality, whole.clone(), false);
-        // With a single label, what changes is the silhouette.
-        steadier(quality, close.clone(), true);
+    let whole = (Projection::default(), Vec3::ZERO, false);
+    let close = (close(Vec3::ZERO).0, Vec3::new(0.6, 0.3, 0.0), true);
+    // With a single label, what changes is the silhouette.
+    for (projection, target, has_one_label) in [whole, close] {
+        let mut stage = Scene::new();
+        stage.set(projection);
+        if has_one_label {
+            stage.spawn_posterized(&included("toadstool"), Palette::new(vec![GREEN]).unwrap(), default());
+        } else {
+            stage.spawn_included("toadstool");
+        }
+        for estimates_edges in [false, true] {
+            let quality = PropQuality { estimates_edges, ..default() };
+            stage.set(quality);
+            let [hard, smooth] = changes(&mut stage, target);
+            println!("changes at edges: hard {hard:.2}, smooth {smooth:.2}");
+            assert!(hard > 1.0 && smooth < 0.6 * hard, "{quality:?}: hard {hard}, smooth {smooth}");
+        }
     }
 }
 
-/// The camera turns around the prop with what it looks at.
-fn steadier(quality: PropQuality, (projection, target): (Projection, Vec3), has_one_label: bool) {
-    let mut stage = Scene::new();
-    stage.set((quality, projection));
-    if has_one_label {
-        stage.spawn_posterized(&included("toadstool"), Palette::new(vec![GREEN]).unwrap(), default());
-    } else {
-        stage.spawn_included("toadstool");
-    }
+/// Returns how much hard and smooth edges change while the camera turns around the prop with what it looks at.
+fn changes(stage: &mut Scene, target: Vec3) -> [f64; 2] {
     let mut changes = [0.0; 2];
     let mut before: Option<([RgbaImage; 2], Vec<bool>)> = None;
     for step in 0..8 {
@@ -585,9 +603,7 @@ fn steadier(quality: PropQuality, (projection, target): (Projection, Vec3), has_
         }
         before = Some((frames, is_edge));
     }
-    let [hard, smooth] = changes.map(f64::sqrt);
-    println!("changes at edges: hard {hard:.2}, smooth {smooth:.2}");
-    assert!(hard > 1.0 && smooth < 0.6 * hard, "{quality:?}: hard {hard}, smooth {smooth}");
+    changes.map(f64::sqrt)
 }
 
 /// Views in which no prop is posterized, or all edges are hard, compile and draw nothing for smooth ones.

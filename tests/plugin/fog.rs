@@ -15,9 +15,9 @@ use crate::stage::{
 /// The x of the centers of the mesh and of the prop, mirrored.
 const ASIDE: f32 = 0.875;
 
-/// A stage with a prop on the left and a mesh on the right, cubes of the same size and color.
-fn stage(encoded: DVec3) -> (Sides, Entity, Entity) {
-    let mut stage = Sides::with_meshes();
+/// Spawns a prop on the left and a mesh on the right, cubes of the same size and color, and a sun. Returns the prop and
+/// the sun.
+fn spawn_pair(stage: &mut Sides, encoded: DVec3) -> (Entity, Entity) {
     let prop = stage.spawn_prop(&cube(SOLID, encoded), Transform::from_xyz(-ASIDE, 0.0, 0.0));
     let cuboid = Cuboid::new(1.0, 1.0, 1.0);
     stage.spawn_mesh(cuboid, unlit(color(encoded)), Transform::from_xyz(ASIDE, 0.0, 0.0));
@@ -26,7 +26,7 @@ fn stage(encoded: DVec3) -> (Sides, Entity, Entity) {
     let sun = stage.spawn((sun, Transform::default().looking_to(-toward, Vec3::Y)));
     stage.paint(FieldPalette::from_colors([color(GREEN), color(BACKGROUND)]).unwrap());
     stage.wait();
-    (stage, prop, sun)
+    (prop, sun)
 }
 
 /// Returns the pixels of the front camera that are well within one cube, and those that mirror them.
@@ -40,6 +40,7 @@ fn at(frame: &RgbaImage, [x, y]: [u32; 2]) -> DVec3 {
 }
 
 /// Expects that the prop looks like the mesh, and unlike without fog.
+#[track_caller]
 fn check(stage: &mut Sides, clear: DVec3, what: &str) {
     let frame = stage.capture();
     for (of_prop, of_mesh) in pairs() {
@@ -70,37 +71,47 @@ fn fogs() -> Vec<(String, DistanceFog)> {
 }
 
 #[test]
-fn props_fade_as_meshes_do() {
-    let (mut stage, prop, sun) = stage(GREEN);
+fn props_in_fog() {
+    Sides::with_meshes().run(&[
+        props_fade_as_meshes_do,
+        props_fade_as_meshes_do_whose_tones_are_mapped,
+        thick_fog_hides_props_whose_tones_are_mapped,
+        thin_fog_keeps_colors_whose_tones_are_mapped,
+        fog_covers_as_much_as_the_prop_does,
+        fog_ends_with_the_scene,
+    ]);
+}
+
+fn props_fade_as_meshes_do(stage: &mut Sides) {
+    let (prop, sun) = spawn_pair(stage, GREEN);
     let clear = stage.capture();
     assert!(!stage.has_pipeline("plenoctree_fog"));
     for (name, fog) in fogs() {
         stage.set_both(fog.clone());
-        check(&mut stage, GREEN, &format!("{name}, as trained"));
+        check(stage, GREEN, &format!("{name}, as trained"));
         stage.insert(prop, SolidOpacity::Never);
-        check(&mut stage, GREEN, &format!("{name}, never solid"));
+        check(stage, GREEN, &format!("{name}, never solid"));
         stage.insert(prop, SolidOpacity::default());
         for edges in [EdgeSmoothing::Off, EdgeSmoothing::Coverage] {
             stage.insert(prop, Posterize { edges, ..default() });
-            check(&mut stage, GREEN, &format!("{name}, posterized, {edges:?}"));
+            check(stage, GREEN, &format!("{name}, posterized, {edges:?}"));
         }
         stage.world().entity_mut(prop).remove::<Posterize>();
     }
     assert!(stage.has_pipeline("plenoctree_fog"));
     // Shadows block what the sun scatters. The cubes are in their own.
     stage.world().get_mut::<DirectionalLight>(sun).unwrap().shadow_maps_enabled = true;
-    check(&mut stage, GREEN, "shadows");
+    check(stage, GREEN, "shadows");
     stage.set_both(PropQuality { ray_tolerance: 0.02, ..PropQuality::EXACT });
-    check(&mut stage, GREEN, "a grid of rays");
+    check(stage, GREEN, "a grid of rays");
     stage.unset_both::<(DistanceFog, PropQuality)>();
     assert!(stage.capture() == clear, "without fog");
 }
 
 /// Without `Hdr`, materials map tones after fog. A prop in the color that a mesh shows fades as the mesh does, if it is
 /// a color that tonemapping does not clip.
-#[test]
-fn props_fade_as_meshes_do_whose_tones_are_mapped() {
-    let (mut stage, ..) = stage(DVec3::new(0.45, 0.7, 0.35));
+fn props_fade_as_meshes_do_whose_tones_are_mapped(stage: &mut Sides) {
+    spawn_pair(stage, DVec3::new(0.45, 0.7, 0.35));
     for tonemapping in TONEMAPPINGS {
         stage.set_both(tonemapping);
         stage.unset_both::<DistanceFog>();
@@ -110,15 +121,14 @@ fn props_fade_as_meshes_do_whose_tones_are_mapped() {
         stage.show(&cube(SOLID, shown));
         for (name, fog) in fogs() {
             stage.set_both(fog.clone());
-            check(&mut stage, shown, &format!("{name}, {tonemapping:?}"));
+            check(stage, shown, &format!("{name}, {tonemapping:?}"));
         }
     }
 }
 
 /// Where fog hides everything, props have its color as meshes show it, even in colors that tonemapping never shows.
-#[test]
-fn thick_fog_hides_props_whose_tones_are_mapped() {
-    let (mut stage, ..) = stage(DVec3::new(0.0, 1.0, 0.0));
+fn thick_fog_hides_props_whose_tones_are_mapped(stage: &mut Sides) {
+    spawn_pair(stage, DVec3::new(0.0, 1.0, 0.0));
     let falloff = FogFalloff::Linear { start: 0.5, end: 1.0 };
     for (encoded, tonemapping) in [
         (DVec3::new(0.0, 1.0, 0.0), Tonemapping::TonyMcMapface),
@@ -128,15 +138,13 @@ fn thick_fog_hides_props_whose_tones_are_mapped() {
         stage.show(&cube(SOLID, encoded));
         for fog in [Color::srgb(0.9, 0.5, 0.7), Color::linear_rgb(4.0, 9.0, 2.0)] {
             stage.set_both((tonemapping, DistanceFog { color: fog, falloff: falloff.clone(), ..default() }));
-            check(&mut stage, DVec3::ZERO, &format!("{fog:?}, {tonemapping:?}"));
+            check(stage, DVec3::ZERO, &format!("{fog:?}, {tonemapping:?}"));
         }
     }
 }
 
 /// Fog that hides nothing changes nothing, not even haze that is darker than black.
-#[test]
-fn thin_fog_keeps_colors_whose_tones_are_mapped() {
-    let mut stage = Sides::with_meshes();
+fn thin_fog_keeps_colors_whose_tones_are_mapped(stage: &mut Sides) {
     stage.set_both(Tonemapping::TonyMcMapface);
     for (opacity, encoded) in [(0.4, DVec3::ZERO), (0.4, GREEN), (0.9, DVec3::ONE)] {
         stage.clear();
@@ -151,9 +159,7 @@ fn thin_fog_keeps_colors_whose_tones_are_mapped() {
 }
 
 /// The fog in front of haze has the color of fog, and what shows through it has its own fog already.
-#[test]
-fn fog_covers_as_much_as_the_prop_does() {
-    let mut stage = Sides::with_meshes();
+fn fog_covers_as_much_as_the_prop_does(stage: &mut Sides) {
     stage.spawn_prop(&cube(density(0.4), GREEN), ());
     stage.wait();
     let thick = DistanceFog {
@@ -173,9 +179,8 @@ fn fog_covers_as_much_as_the_prop_does() {
 }
 
 /// A prop that is drawn after tonemapping is in no fog.
-#[test]
-fn fog_ends_with_the_scene() {
-    let (mut stage, ..) = stage(GREEN);
+fn fog_ends_with_the_scene(stage: &mut Sides) {
+    spawn_pair(stage, GREEN);
     stage.set_both(PropPlacement::Display);
     stage.wait();
     let clear = stage.capture();

@@ -12,7 +12,7 @@ use glam::DVec3;
 use half::f16;
 use plenoctree::{Basis, Cell, Frame};
 
-use super::stage::{PATIENCE, Stage, pixels::at};
+use super::stage::{PATIENCE, Stage, hear, pixels::at};
 #[cfg(target_os = "linux")]
 use super::stage::{SKIPPED, skip, tell};
 
@@ -34,31 +34,13 @@ fn corner_of_density(density: f32, depth: u32, color: [f32; 3]) -> PlenOctree {
     PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Y, nodes, vec![density; 8], coefficients).unwrap()
 }
 
-#[derive(Resource, Default)]
-struct Heard {
-    ready: usize,
-    failed: Vec<FieldFailed>,
-    failed_views: Vec<ViewFailed>,
-    exits: usize,
-}
-
-fn hear(
-    mut heard: ResMut<Heard>,
-    mut ready: MessageReader<FieldReady>,
-    mut failed: MessageReader<FieldFailed>,
-    mut failed_views: MessageReader<ViewFailed>,
-    mut exits: MessageReader<AppExit>,
-) {
-    heard.ready += ready.read().count();
-    heard.failed.extend(failed.read().cloned());
-    heard.failed_views.extend(failed_views.read().cloned());
-    heard.exits += exits.read().count();
-}
-
 /// Creates an app with two props side by side, seen along -z.
 fn app(limits: wgpu::Limits, configure: impl FnOnce(&mut App), fields: [PlenOctree; 2]) -> Stage {
     let mut stage = Stage::limited(SIZE, limits, |app| {
-        app.init_resource::<Heard>().add_systems(Last, hear);
+        hear::<FieldReady>(app);
+        hear::<FieldFailed>(app);
+        hear::<ViewFailed>(app);
+        hear::<AppExit>(app);
         configure(app);
     });
     stage.set(Transform::from_xyz(0.0, 0.5, 4.0));
@@ -72,10 +54,6 @@ fn app(limits: wgpu::Limits, configure: impl FnOnce(&mut App), fields: [PlenOctr
 fn colors(stage: &mut Stage) -> [[u8; 3]; 2] {
     let frame = stage.capture();
     [SIZE / 3, 2 * SIZE / 3].map(|x| at(&frame, x, SIZE / 2))
-}
-
-fn heard(stage: &Stage) -> &Heard {
-    stage.resource()
 }
 
 fn state(stage: &Stage, prop: usize) -> &PropState {
@@ -99,9 +77,9 @@ fn a_field_that_the_driver_rejects_is_skipped() {
     assert_eq!(state(&stage, 0), &PropState::Ready);
     let PropState::Failed(PropError::TooLarge(error)) = state(&stage, 1) else { panic!() };
     assert_eq!((error.what, error.limit), ("textures", None));
-    assert_eq!(heard(&stage).exits, 0, "the app quits");
+    assert!(stage.heard::<AppExit>().is_empty(), "the app quits");
     let failed = FieldFailed { field: field(&stage, 1), error: error.clone(), only_level: false };
-    assert_eq!(heard(&stage).failed, [failed]);
+    assert_eq!(stage.heard::<FieldFailed>(), [failed]);
 }
 
 /// Returns a field of SH25 that fills the cube from 0 to 1 with two million leaves of one color, 335 MB on the GPU.
@@ -181,8 +159,8 @@ fn a_field_is_skipped_when_memory_is_full() {
     let PropState::Failed(PropError::TooLarge(error)) = state(&stage, 1) else { panic!() };
     assert!(error.what == "textures" && error.limit.is_none() && error.bytes > 300 << 20, "{error}");
     let failed = FieldFailed { field: field.id(), error: error.clone(), only_level: false };
-    assert_eq!(heard(&stage).failed, [failed]);
-    assert_eq!(heard(&stage).exits, 0, "the app quits");
+    assert_eq!(stage.heard::<FieldFailed>(), [failed]);
+    assert!(stage.heard::<AppExit>().is_empty(), "the app quits");
 
     limit_memory(None);
     *stage.world().resource_mut::<Assets<PlenOctree>>().get_mut(&field).unwrap() = green;
@@ -228,10 +206,10 @@ fn a_view_draws_no_props_when_memory_is_full() {
         stage.update(5);
         let frame = stage.headless.capture().map(|_| ());
         assert!(matches!(frame, Err(HeadlessError::View(_))), "{megabytes} MB: {frame:?}");
-        let heard = heard(&stage);
-        assert_eq!(heard.failed_views.len(), failures + 1, "{megabytes} MB");
-        assert_eq!(heard.failed_views[failures].error.size, LARGE);
-        assert_eq!(heard.exits, 0, "the app quits");
+        let failed = stage.heard::<ViewFailed>();
+        assert_eq!(failed.len(), failures + 1, "{megabytes} MB");
+        assert_eq!(failed[failures].error.size, LARGE);
+        assert!(stage.heard::<AppExit>().is_empty(), "the app quits");
         limit_memory(None);
         // A view of another size tries at once.
         view(&mut stage, UVec2::splat(SIZE));
@@ -270,7 +248,7 @@ fn the_cpu_samples_fields_whose_histograms_the_driver_rejects() {
         let extraction = stage.resource::<PaletteExtraction>();
         assert_eq!(extraction.sampled(field(&stage, index)).unwrap().origin, SampleOrigin::Cpu);
     }
-    assert_eq!(heard(&stage).exits, 0, "the app quits");
+    assert!(stage.heard::<AppExit>().is_empty(), "the app quits");
 }
 
 /// A level that the driver rejects is replaced by the field itself, or by the previous level.
@@ -286,12 +264,13 @@ fn a_level_that_the_driver_rejects_is_skipped() {
     for _ in 0..20 {
         assert_eq!(colors(&mut stage), [[255, 0, 0], [0, 0, 255]]);
     }
-    let mut failed: Vec<_> = heard(&stage).failed.iter().map(|failed| (failed.field, failed.only_level)).collect();
+    let failed = stage.heard::<FieldFailed>().iter();
+    let mut failed: Vec<_> = failed.map(|failed| (failed.field, failed.only_level)).collect();
     failed.sort_by_key(|(field, _)| *field);
     let mut expected = [0, 1].map(|index| (field(&stage, index), true));
     expected.sort_by_key(|(field, _)| *field);
     assert_eq!(failed, expected);
-    assert_eq!(heard(&stage).exits, 0);
+    assert!(stage.heard::<AppExit>().is_empty());
     assert!([0, 1].iter().all(|index| state(&stage, *index) == &PropState::Ready));
 }
 
@@ -308,12 +287,12 @@ fn an_app_survives_the_loss_of_its_device() {
     for uploads in [4, 6] {
         stage.device().wgpu_device().destroy();
         stage.update(50);
-        assert_eq!(heard(&stage).ready, uploads, "fields reached the new device");
+        assert_eq!(stage.heard::<FieldReady>().len(), uploads, "fields reached the new device");
         assert_eq!(stage.device().limits().max_texture_dimension_2d, 4096, "the app's own settings");
         stage.wait();
         assert_eq!(colors(&mut stage), before);
     }
-    assert_eq!(heard(&stage).exits, 0);
+    assert!(stage.heard::<AppExit>().is_empty());
 }
 
 /// Fields that arrive while there is no device reach the next one.

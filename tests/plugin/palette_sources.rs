@@ -12,12 +12,8 @@ use glam::DVec3;
 use super::{
     palettes::{COLORS, RED, round_trip, solid},
     ramps::ramps,
-    stage::{Stage, pixels::bytes, wait_for},
+    stage::{Heard, Stage, hear, pixels::bytes, wait_for},
 };
-
-/// The palettes that were reported as ready.
-#[derive(Resource, Default)]
-struct Ready(Vec<PaletteReady>);
 
 /// An app that loads fields and palettes from a folder without drawing them.
 struct Files {
@@ -38,13 +34,10 @@ impl Files {
 
     /// Starts another app in the same folder.
     fn restart(&mut self) {
-        let hear = |mut ready: MessageReader<PaletteReady>, mut heard: ResMut<Ready>| {
-            heard.0.extend(ready.read());
-        };
         self.app = App::new();
         let assets = AssetPlugin { file_path: self.folder.to_string_lossy().into(), ..default() };
-        self.app.add_plugins((MinimalPlugins, assets, PlenOctreePlugin)).init_resource::<Ready>();
-        self.app.add_systems(Update, hear);
+        self.app.add_plugins((MinimalPlugins, assets, PlenOctreePlugin));
+        hear::<PaletteReady>(&mut self.app);
         self.app.finish();
         self.app.cleanup();
     }
@@ -94,7 +87,7 @@ impl Files {
     }
 
     fn heard(&self) -> &[PaletteReady] {
-        &self.app.world().resource::<Ready>().0
+        &self.app.world().resource::<Heard<PaletteReady>>().0
     }
 }
 
@@ -128,18 +121,15 @@ fn a_palette_next_to_a_field_replaces_extraction() {
 #[test]
 fn the_toadstool_is_sampled_when_it_arrives() {
     let extracted = |sampler| {
-        let mut stage = Stage::with(UVec2::ONE, |app| {
-            let hear = |mut ready: MessageReader<PaletteReady>, mut heard: ResMut<Ready>| heard.0.extend(ready.read());
-            app.init_resource::<Ready>().add_systems(Update, hear);
-        });
+        let mut stage = Stage::with(UVec2::ONE, hear::<PaletteReady>);
         stage.close();
         let mut extraction = stage.world().resource_mut::<PaletteExtraction>();
         extraction.sampler = sampler;
-        extraction.settings.sampling.sample_fraction = 0.1;
+        extraction.settings.sampling.sample_fraction = 0.03;
         let field = stage.resource::<AssetServer>().load("toadstool.plenoctree");
         stage.spawn((Prop(field.clone()), Posterize::default()));
         stage.wait();
-        let ready = &stage.resource::<Ready>().0;
+        let ready = stage.heard::<PaletteReady>();
         let [PaletteReady { sampled: Some(origin), .. }] = ready[..] else { panic!("{ready:?}") };
         (origin, stage.resource::<Palettes>().get(&field).unwrap().palette().clone())
     };

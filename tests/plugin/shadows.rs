@@ -306,7 +306,7 @@ fn what_casts_no_shadow_changes_nothing() {
 /// What maps keep of casters that rest is what rays find, bit for bit, wherever the camera goes; it is given back.
 #[test]
 fn kept_shadows_are_those_of_new_rays() {
-    const MAP: usize = 512;
+    const MAP: usize = 256;
     let mut scene = scene(MAP);
     let cuboid = shape(|at| if at.abs().cmplt(DVec3::new(0.9, 0.3, 0.6)).all() { 1e4 } else { 0.0 });
     let (toadstool, cuboid) = (scene.add(included("toadstool")), scene.add(cuboid));

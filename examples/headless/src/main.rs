@@ -3,6 +3,7 @@
 //! ```sh
 //! cargo run --release -p headless
 //! cargo run --release -p headless -- field.npz
+//! cargo run --release -p headless -- field.npz 400  # views that are 400 pixels wide and high
 //! ```
 
 mod animation;
@@ -13,6 +14,7 @@ mod palette;
 
 use std::{
     fs,
+    num::NonZero,
     path::{Path, PathBuf},
     process::ExitCode,
     time::Instant,
@@ -31,17 +33,24 @@ use cameras::Frame;
 
 type Result<T = (), E = Box<dyn std::error::Error>> = std::result::Result<T, E>;
 
-/// The number of views from all around, and their width and height in pixels.
-const VIEWS: (u32, u32) = (8, 800);
-/// The number of frames of the animation, and their width and height in pixels.
-const FRAMES: (u32, u32) = (40, 400);
+/// The number of views from all around.
+const VIEWS: u32 = 8;
+/// The default width and height of a view, in pixels.
+const SIZE: u32 = 800;
+/// The number of frames of the animation, which are half as wide and high as the views.
+const FRAMES: u32 = 40;
 /// How far the overview turns the hue of a ramp, in degrees. Red becomes blue.
 const TURN: f32 = 235.0;
 
 fn main() -> ExitCode {
     let included = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/toadstool.plenoctree");
-    let file = std::env::args_os().nth(1).map_or_else(included, PathBuf::from);
-    match run(&file, Path::new("out")) {
+    let mut arguments = std::env::args_os().skip(1);
+    let file = arguments.next().map_or_else(included, PathBuf::from);
+    let size = arguments.next().map_or(Ok(SIZE), |size| {
+        let pixels: Option<NonZero<u32>> = size.to_str().and_then(|size| size.parse().ok());
+        pixels.map(NonZero::get).ok_or_else(|| format!("size: found {size:?}, expected a number of pixels").into())
+    });
+    match size.and_then(|size| run(&file, size, Path::new("out"))) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");
@@ -50,10 +59,12 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(file: &Path, out: &Path) -> Result {
+fn run(file: &Path, size: u32, out: &Path) -> Result {
     let start = Instant::now();
     let field = PlenOctree::read(file, &LoadSettings::default())?;
-    let [mut views, mut frames] = [VIEWS, FRAMES].map(|views| cameras::around(&field, views).unwrap_or_default());
+    let half = size.div_ceil(2);
+    let [mut views, mut frames] =
+        [(VIEWS, size), (FRAMES, half)].map(|views| cameras::around(&field, views).unwrap_or_default());
     if views.is_empty() {
         return Err(format!("{}: nothing to see: the field has no dense leaf", file.display()).into());
     }
@@ -62,7 +73,7 @@ fn run(file: &Path, out: &Path) -> Result {
     println!("Loaded {name}: {leaves} leaves in {:.2} s", start.elapsed().as_secs_f64());
     fs::create_dir_all(out).map_err(|error| format!("{}: {error}", out.display()))?;
 
-    let mut headless = Headless::new(UVec2::splat(VIEWS.1), |app| {
+    let mut headless = Headless::new(UVec2::splat(size), |app| {
         app.add_plugins(PlenOctreePlugin);
     })?;
     let target = headless.target();
@@ -92,20 +103,20 @@ fn run(file: &Path, out: &Path) -> Result {
     headless.app.world_mut().entity_mut(prop).remove::<Posterize>();
     let original = turn(&mut headless, "original")?;
     let (ramp, seconds) = (ramp.as_deref().unwrap_or("nothing"), start.elapsed().as_secs_f64());
-    println!("Drew {} views posterized, with {ramp} recolored, and as trained in {seconds:.2} s", VIEWS.0);
+    println!("Drew {VIEWS} views posterized, with {ramp} recolored, and as trained in {seconds:.2} s");
 
     let start = Instant::now();
     headless.app.world_mut().entity_mut(prop).insert(Posterize::default());
-    headless.resize(UVec2::splat(FRAMES.1));
+    headless.resize(UVec2::splat(half));
     let turned = capture(&mut headless, camera, &look(&frames, up), |headless, turn| {
         colors::turn_hue(headless, &field, 360.0 * turn);
     })?;
     let turntable = out.join("turntable.png");
     animation::write(&turntable, &turned).map_err(|error| format!("{}: {error}", turntable.display()))?;
-    println!("Drew an animation of {} frames in {:.2} s", FRAMES.0, start.elapsed().as_secs_f64());
+    println!("Drew an animation of {FRAMES} frames in {:.2} s", start.elapsed().as_secs_f64());
 
     let heroes = [&original[0], &posterized[0], &recolored[0]];
-    let strip: Vec<_> = turned.iter().step_by((FRAMES.0 / VIEWS.0) as usize).collect();
+    let strip: Vec<_> = turned.iter().step_by((FRAMES / VIEWS) as usize).collect();
     let overview = overview::draw(&heroes, &strip, &palette, shown.as_deref().unwrap_or(&[]));
     save(&overview, &out.join("overview.png"))
 }

@@ -2,12 +2,13 @@
 
 use std::process::Command;
 
-/// It computes the palette of the toadstool, and draws all of its images.
+/// It computes the palette of the toadstool, and draws all of its images, smaller than by default.
 #[test]
 fn the_demo_is_within_the_default_limits_of_webgpu() {
     let folder = std::env::temp_dir().join(format!("plenoctree-demo-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let demo = Command::new(env!("CARGO_BIN_EXE_headless"))
+        .args([concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/toadstool.plenoctree"), "160"])
         .current_dir(&folder)
         .env("WGPU_SETTINGS_PRIO", "webgpu")
         .output()

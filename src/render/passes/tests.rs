@@ -24,11 +24,10 @@ fn cube(basis: Basis, color: DVec3) -> PlenOctree {
     bake(&BakeSettings { depth: 3, basis, ..default() }, inside, |_| move |_| color).unwrap()
 }
 
-/// Returns an app with a prop at a distance, and its camera.
-fn app(size: UVec2, posterize: Option<Posterize>, distance: f32) -> (Headless, Entity) {
-    let mut headless = Headless::new(size, |app| {
-        #[cfg(feature = "headless-lit")]
-        app.add_plugins(crate::headless::LitMeshPlugins);
+/// Returns an app that `configure` adds to, with a prop at the origin, and its camera at z = 3.
+fn app(posterize: Option<Posterize>, configure: fn(&mut App)) -> (Headless, Entity) {
+    let mut headless = Headless::new(UVec2::splat(64), |app| {
+        configure(app);
         app.add_plugins(PlenOctreePlugin);
     })
     .unwrap();
@@ -37,14 +36,28 @@ fn app(size: UVec2, posterize: Option<Posterize>, distance: f32) -> (Headless, E
     let field = world.resource_mut::<Assets<PlenOctree>>().add(cube(Basis::Rgba, DVec3::new(0.8, 0.2, 0.1)));
     let palette = FieldPalette::from_colors([Color::BLACK, Color::WHITE]).unwrap();
     world.resource_mut::<Palettes>().insert(&field, palette);
-    let mut prop = world.spawn(Prop(field));
-    if let Some(posterize) = posterize {
-        prop.insert(posterize);
-    }
-    let place = Transform::from_xyz(0.0, 0.0, distance);
+    world.spawn(Prop(field));
+    let place = Transform::from_xyz(0.0, 0.0, 3.0);
     let camera = world.spawn((exact_camera(Color::BLACK), target, place)).id();
-    headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    posterize_all(&mut headless, posterize);
     (headless, camera)
+}
+
+#[cfg(feature = "headless-lit")]
+fn lit(app: &mut App) {
+    app.add_plugins(crate::headless::LitMeshPlugins);
+}
+
+/// Gives all props these settings, or shows them as trained.
+fn posterize_all(headless: &mut Headless, posterize: Option<Posterize>) {
+    let world = headless.app.world_mut();
+    for prop in world.query_filtered::<Entity, With<Prop>>().iter(world).collect::<Vec<_>>() {
+        match posterize {
+            Some(posterize) => world.entity_mut(prop).insert(posterize),
+            None => world.entity_mut(prop).remove::<Posterize>(),
+        };
+    }
+    headless.wait_until_ready(Duration::from_secs(120)).unwrap();
 }
 
 /// Returns what the render world knows of the camera's view.
@@ -59,11 +72,10 @@ fn hard() -> Posterize {
 }
 
 /// Returns the passes of a frame in which the camera has moved: their names, and the bytes that they write per pixel.
-fn passes_and_bytes(posterize: Option<Posterize>) -> Vec<(&'static str, u32)> {
-    let (mut headless, camera) = app(UVec2::splat(64), posterize, 3.0);
+fn passes_and_bytes(headless: &mut Headless, camera: Entity) -> Vec<(&'static str, u32)> {
     headless.app.world_mut().get_mut::<Transform>(camera).unwrap().translation.x += 0.01;
     headless.update();
-    let view = view(&mut headless);
+    let view = view(headless);
     assert_eq!(view.cached.first_drawn(), 0);
     view.passes.iter().map(|pass| (pass.name, written(pass))).collect()
 }
@@ -79,6 +91,7 @@ fn written(pass: &Pass) -> u32 {
 /// Besides those of the filter. `docs/performance.md` lists them.
 #[test]
 fn views_of_one_prop_have_few_passes_that_write_few_bytes() {
+    let (mut headless, camera) = app(None, |_| ());
     let smooth = [volume::VOLUME, labels::COMPOSITE, edges::COVERAGE, labels::LABEL, finish::FINISH, present::PRESENT];
     for (what, posterize, most, expected) in [
         ("as trained", None, 28, vec![volume::VOLUME, labels::LABEL, present::PRESENT]),
@@ -86,7 +99,8 @@ fn views_of_one_prop_have_few_passes_that_write_few_bytes() {
         ("as in the paper", Some(Posterize::paper()), 190, smooth.to_vec()),
         ("posterized", Some(Posterize::default()), 98, smooth.to_vec()),
     ] {
-        let mut passes = passes_and_bytes(posterize);
+        posterize_all(&mut headless, posterize);
+        let mut passes = passes_and_bytes(&mut headless, camera);
         passes.iter().for_each(|(name, bytes)| println!("{what}: {name} {bytes} bytes per pixel"));
         let total: u32 = passes.iter().map(|(_, bytes)| bytes).sum();
         println!("{what}: {total} bytes per pixel");
@@ -99,16 +113,15 @@ fn views_of_one_prop_have_few_passes_that_write_few_bytes() {
 /// Where a later pass replaces what a pass reads, that is written again whenever the pass is drawn.
 #[test]
 fn what_later_passes_replace_is_written_again_for_those_that_read_it() {
+    let (mut headless, _) = app(None, |_| ());
     for (posterize, overlaps) in
         [(Posterize::default(), false), (Posterize::default(), true), (Posterize::paper(), true), (hard(), true)]
     {
-        let (mut headless, _) = app(UVec2::splat(64), Some(posterize), 3.0);
-        if overlaps {
-            let world = headless.app.world_mut();
-            let field = world.query::<&Prop>().single(world).unwrap().clone();
-            world.spawn((field, posterize, Transform::from_xyz(0.2, 0.1, 0.0)));
-            headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        let world = headless.app.world_mut();
+        if let (true, Ok(field)) = (overlaps, world.query::<&Prop>().single(world).cloned()) {
+            world.spawn((field, Transform::from_xyz(0.2, 0.1, 0.0)));
         }
+        posterize_all(&mut headless, Some(posterize));
         let PropView { passes, plan, .. } = view(&mut headless);
         assert_eq!(plan.overlaps, overlaps);
         // Whenever a result is drawn, so are all later ones, and all passes without one.
@@ -157,7 +170,7 @@ fn features(headless: &mut Headless) -> HashSet<&'static str> {
 #[test]
 #[cfg(feature = "headless-lit")]
 fn props_stay_while_pipelines_are_compiled() {
-    let (mut headless, camera) = app(UVec2::splat(64), None, 3.0);
+    let (mut headless, camera) = app(None, lit);
     let world = headless.app.world_mut();
     let first = world.query_filtered::<Entity, With<Prop>>().single(world).unwrap();
     let field = world.get::<Prop>(first).unwrap().0.clone();
@@ -234,7 +247,7 @@ fn props_stay_while_pipelines_are_compiled() {
 /// So does a posterized prop that is given fields of other shapes, when their palettes arrive.
 #[test]
 fn props_stay_when_the_palette_of_another_field_arrives() {
-    let (mut headless, _) = app(UVec2::splat(64), Some(Posterize::default()), 3.0);
+    let (mut headless, _) = app(Some(Posterize::default()), |_| ());
     let world = headless.app.world_mut();
     let mut fields = world.resource_mut::<Assets<PlenOctree>>();
     let fields = [Basis::Sh4, Basis::Sh9].map(|basis| fields.add(cube(basis, DVec3::new(0.2, 0.6, 0.3))));
@@ -254,11 +267,13 @@ fn props_stay_when_the_palette_of_another_field_arrives() {
     }
 }
 
-/// Returns the bytes of GPU memory that a view at rest takes.
-fn bytes(size: UVec2, posterize: Option<Posterize>, distance: f32) -> u64 {
-    let (mut headless, _) = app(size, posterize, distance);
-    (0..6).for_each(|_| headless.update());
-    let view = view(&mut headless);
+/// Returns the bytes of GPU memory that a view of this size takes at rest, from a distance.
+fn bytes((headless, camera): &mut (Headless, Entity), size: UVec2, distance: f32) -> u64 {
+    headless.resize(size);
+    headless.app.world_mut().get_mut::<Transform>(*camera).unwrap().translation.z = distance;
+    // Textures of earlier frames are kept for a few frames.
+    (0..12).for_each(|_| headless.update());
+    let view = view(headless);
     assert_ne!(view.cached.first_drawn(), 0);
     view.textures.bytes() + view.cached.bytes()
 }
@@ -274,14 +289,16 @@ fn small_props_take_little_memory_and_large_ones_what_their_pixels_need() {
         // What is known of the former frame has a single pixel.
         ("steady labels", Some(Posterize::default()), 95.131),
     ];
+    let mut view = app(None, |_| ());
     for (what, posterize, most) in kinds {
+        posterize_all(&mut view.0, posterize);
         let size = UVec2::new(512, 320);
-        let filled = bytes(size, posterize, 0.7) as f64 / f64::from(size.element_product());
+        let filled = bytes(&mut view, size, 0.7) as f64 / f64::from(size.element_product());
         println!("{what}: {filled} bytes per pixel");
         assert!(filled <= most, "{what}: {filled} bytes per pixel");
-        // In a view of 3840 x 2160 pixels, it covers about 64 x 64.
-        let small = bytes(UVec2::new(3840, 2160), posterize, 41.0);
-        println!("{what}, 64 pixels of 4K: {small} bytes");
+        // In a view of 1920 x 1080 pixels, it covers about 64 x 64.
+        let small = bytes(&mut view, UVec2::new(1920, 1080), 20.5);
+        println!("{what}, 64 pixels of 1920: {small} bytes");
         assert!((64 * 64..8 << 20).contains(&small), "{what}: {small} bytes");
     }
 }
@@ -289,7 +306,7 @@ fn small_props_take_little_memory_and_large_ones_what_their_pixels_need() {
 /// Views hold the labels and the depth of the former frame while they keep labels.
 #[test]
 fn former_frames_are_held_while_labels_are_kept() {
-    let (mut headless, camera) = app(UVec2::splat(64), Some(Posterize::default()), 3.0);
+    let (mut headless, camera) = app(Some(Posterize::default()), |_| ());
     let held = |headless: &mut Headless| view(headless).textures.bytes();
     (0..6).for_each(|_| headless.update());
     let at_rest = held(&mut headless);
@@ -307,7 +324,7 @@ const NONE: u32 = CachedResult::ALL.len() as u32;
 /// filtered.
 #[test]
 fn still_views_draw_nothing_and_recoloring_draws_labels() {
-    let (mut headless, _) = app(UVec2::splat(64), Some(Posterize::default()), 3.0);
+    let (mut headless, _) = app(Some(Posterize::default()), |_| ());
     let first_drawn = |headless: &mut Headless| view(headless).cached.first_drawn();
     (0..6).for_each(|_| headless.update());
     assert_eq!(first_drawn(&mut headless), NONE);
@@ -322,7 +339,7 @@ fn still_views_draw_nothing_and_recoloring_draws_labels() {
 #[cfg(feature = "headless-lit")]
 #[test]
 fn still_views_in_light_draw_no_labels() {
-    let (mut headless, _) = app(UVec2::splat(64), Some(Posterize::default()), 3.0);
+    let (mut headless, _) = app(Some(Posterize::default()), lit);
     let world = headless.app.world_mut();
     let prop = world.query_filtered::<Entity, With<Prop>>().single(world).unwrap();
     world.entity_mut(prop).insert(crate::PropLighting::default());

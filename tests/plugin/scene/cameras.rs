@@ -34,38 +34,32 @@ fn place_camera(stage: &mut Sides, projection: Projection, transform: Transform)
     stage.set((projection, transform));
 }
 
+#[test]
+fn props_alone() {
+    Sides::new().run(&[
+        a_camera_inside_fog_sees_what_is_in_front_of_it,
+        rays_start_at_a_near_plane_behind_the_camera,
+        a_mirrored_camera_sees_everything_mirrored,
+        cameras_draw_to_targets_of_every_format_at_once,
+        invisible_props_change_nothing,
+        a_camera_sees_the_props_on_its_layers,
+    ]);
+}
+
 /// The camera is at the center of a cube of fog, whose far side is at distance 1. All rays of a perspective camera
 /// begin at the near plane, and leave through that side.
-#[test]
-fn a_camera_inside_fog_sees_what_is_in_front_of_it() {
-    let mut stage = Sides::new();
+fn a_camera_inside_fog_sees_what_is_in_front_of_it(stage: &mut Sides) {
     stage.spawn_prop(&shape(0.5, GREEN, |_| true), ());
     stage.wait();
-    place_camera(&mut stage, wide(), default());
+    place_camera(stage, wide(), default());
     stage.check("perspective", |side, place| {
         let opacity = 1.0 - (-0.5 * (1.0 - NEAR) * (0.5 * place).extend(1.0).length()).exp();
         (side == Side::Front).then_some(BACKGROUND.lerp(GREEN, opacity))
     });
-    place_camera(&mut stage, flat(), default());
+    place_camera(stage, flat(), default());
     stage.check("orthographic", |side, place| {
         let opacity = if place.abs().max_element() < 1.0 { 1.0 - (-0.5f64).exp() } else { 0.0 };
         (side == Side::Front).then_some(BACKGROUND.lerp(GREEN, opacity))
-    });
-}
-
-/// The near side of the cube is at distance 2, the far side at 4. Rays that miss the near side miss the cube. The
-/// others leave through the far side or through an adjacent one.
-#[test]
-fn rays_of_a_perspective_camera_diverge() {
-    let mut stage = Sides::new();
-    stage.spawn_prop(&shape(0.5, GREEN, |_| true), ());
-    stage.wait();
-    place_camera(&mut stage, wide(), Transform::from_xyz(0.0, 0.0, 3.0));
-    stage.check("perspective", |side, place| {
-        let slope = 0.5 * place;
-        let end = (1.0 / slope.abs().max_element()).min(4.0);
-        let path = (end - 2.0).max(0.0) * slope.extend(1.0).length();
-        (side == Side::Front).then_some(BACKGROUND.lerp(GREEN, 1.0 - (-0.5 * path).exp()))
     });
 }
 
@@ -101,26 +95,22 @@ fn near_planes_cut_props_like_meshes() {
 }
 
 /// If its near plane is behind it, an orthographic camera sees what is behind it, meshes and props alike.
-#[test]
-fn rays_start_at_a_near_plane_behind_the_camera() {
-    let mut stage = Sides::new();
+fn rays_start_at_a_near_plane_behind_the_camera(stage: &mut Sides) {
     stage.spawn_prop(&cube(density(0.4), GREEN), ());
     stage.wait();
     let Projection::Orthographic(projection) = flat() else { panic!() };
-    place_camera(&mut stage, Projection::Orthographic(OrthographicProjection { near: -10.0, ..projection }), default());
+    place_camera(stage, Projection::Orthographic(OrthographicProjection { near: -10.0, ..projection }), default());
     stage.check("behind", |side, place| {
         seen(side, &in_cube(place).then_some((0.0, GREEN, 0.4)).into_iter().collect::<Vec<_>>())
     });
 }
 
 /// A mirrored camera, such as one that draws a reflection, swaps left and right.
-#[test]
-fn a_mirrored_camera_sees_everything_mirrored() {
-    let mut stage = Sides::new();
+fn a_mirrored_camera_sees_everything_mirrored(stage: &mut Sides) {
     stage.spawn_prop(&cube(density(0.4), GREEN), Transform::from_xyz(0.25, 0.0, 0.0));
     stage.wait();
     let mirrored = Transform::from_xyz(0.0, 0.0, 5.0).with_scale(Vec3::new(-1.0, 1.0, 1.0));
-    place_camera(&mut stage, flat(), mirrored);
+    place_camera(stage, flat(), mirrored);
     stage.camera_mut().invert_culling = true;
     stage.check("mirrored", |side, place| {
         // The front camera's pixels are mirrored.
@@ -147,9 +137,7 @@ fn capture(stage: &mut Sides, image: &Handle<Image>) -> Image {
 }
 
 /// Each target has its own format and camera, half a unit farther to the right than the previous one.
-#[test]
-fn cameras_draw_to_targets_of_every_format_at_once() {
-    let mut stage = Sides::new();
+fn cameras_draw_to_targets_of_every_format_at_once(stage: &mut Sides) {
     stage.spawn_prop(&cube(density(0.4), GREEN), ());
     stage.spawn_prop(&cube(SOLID, BLUE), Transform::from_xyz(0.0, 0.75, -1.0));
     let targets = [
@@ -179,7 +167,7 @@ fn cameras_draw_to_targets_of_every_format_at_once() {
         seen(side, &layers)
     };
     for (index, (image, target)) in images.iter().zip(targets).enumerate() {
-        let captured = capture(&mut stage, image);
+        let captured = capture(stage, image);
         for (x, y) in (0..PIXELS).flat_map(|y| (0..PIXELS).map(move |x| (x, y))) {
             let place = (DVec2::new(x.into(), y.into()) + 0.5) / 8.0 - 2.0;
             let expected = expected(Side::Front, DVec2::new(place.x + 0.5 * index as f64, -place.y));
@@ -197,9 +185,7 @@ fn cameras_draw_to_targets_of_every_format_at_once() {
 }
 
 /// A prop that no camera sees does not change a single byte of the frame.
-#[test]
-fn invisible_props_change_nothing() {
-    let mut stage = Sides::new();
+fn invisible_props_change_nothing(stage: &mut Sides) {
     stage.spawn_prop(&cube(density(0.4), GREEN), ());
     stage.wait();
     let alone = stage.capture();
@@ -224,9 +210,7 @@ fn invisible_props_change_nothing() {
     });
 }
 
-#[test]
-fn a_camera_sees_the_props_on_its_layers() {
-    let mut stage = Sides::new();
+fn a_camera_sees_the_props_on_its_layers(stage: &mut Sides) {
     let red = stage.spawn_prop(&cube(density(0.4), RED), Transform::from_xyz(-0.25, 0.0, 0.0));
     let blue = stage.spawn_prop(&cube(SOLID, BLUE), Transform::from_xyz(0.25, 0.0, 0.0));
     let [_, behind] = stage.cameras;

@@ -58,16 +58,35 @@ pub fn in_every_mode(stage: &mut Sides, mut check: impl FnMut(&mut Sides, &str))
     }
 }
 
+#[test]
+fn props_alone() {
+    Sides::new().run(&[
+        a_light_brighter_than_white_shines_through_fog,
+        props_are_composited_over_each_other,
+        a_prop_inside_the_bounds_of_another_is_occluded_by_leaves_only,
+        props_are_sorted_along_the_view,
+    ]);
+}
+
+#[test]
+fn props_and_meshes() {
+    Sides::with_meshes().run(&[
+        fog_is_drawn_between_meshes,
+        fog_ends_at_a_mesh_inside_it,
+        panes_blend_over_a_solid_prop_and_are_occluded_by_it,
+        props_and_meshes_occlude_each_other_in_any_range_of_depths,
+        gizmos_are_drawn_over_a_prop_and_occluded_behind_it,
+    ]);
+}
+
 /// Fog that transmits 6/10 of the light, between two opaque rectangles: over the background, over one rectangle and
 /// behind the other. Then the rectangles are swapped.
-#[test]
-fn fog_is_drawn_between_meshes() {
-    let mut stage = Sides::with_meshes();
+fn fog_is_drawn_between_meshes(stage: &mut Sides) {
     stage.spawn_prop(&cube(density(0.4), GREEN), ());
-    let left = spawn_left(&mut stage, 1.0, RED, 1.0);
-    let top = spawn_top(&mut stage, -1.0, BLUE, 1.0);
+    let left = spawn_left(stage, 1.0, RED, 1.0);
+    let top = spawn_top(stage, -1.0, BLUE, 1.0);
     stage.wait();
-    in_every_mode(&mut stage, |stage, mode| {
+    in_every_mode(stage, |stage, mode| {
         for z in [1.0, -1.0] {
             stage.world().get_mut::<Transform>(left).unwrap().translation.z = z;
             stage.world().get_mut::<Transform>(top).unwrap().translation.z = -z;
@@ -83,13 +102,11 @@ fn fog_is_drawn_between_meshes() {
 }
 
 /// A mesh inside fog is behind a quarter of it from one side, and behind three quarters from the other.
-#[test]
-fn fog_ends_at_a_mesh_inside_it() {
-    let mut stage = Sides::with_meshes();
+fn fog_ends_at_a_mesh_inside_it(stage: &mut Sides) {
     stage.spawn_prop(&cube(2.0, GREEN), ());
-    spawn_left(&mut stage, 0.25, RED, 1.0);
+    spawn_left(stage, 0.25, RED, 1.0);
     stage.wait();
-    in_every_mode(&mut stage, |stage, mode| {
+    in_every_mode(stage, |stage, mode| {
         stage.check(mode, |side, place| {
             let path: f64 = match (in_left(place), side) {
                 (false, _) => 1.0,
@@ -104,9 +121,7 @@ fn fog_ends_at_a_mesh_inside_it() {
 }
 
 /// Light four times as bright as white is 1.8248 when encoded; 45/100 of that passes through the fog.
-#[test]
-fn a_light_brighter_than_white_shines_through_fog() {
-    let mut stage = Sides::new();
+fn a_light_brighter_than_white_shines_through_fog(stage: &mut Sides) {
     stage.spawn_prop(&cube(density(0.55), GREEN), ());
     stage.set_mode(Msaa::Off, true);
     for camera in stage.cameras {
@@ -124,14 +139,12 @@ pub fn through_pane(pane: DVec3, behind: DVec3) -> DVec3 {
     encoded(color(pane).to_linear() * 0.5 + color(behind).to_linear() * 0.5)
 }
 
-#[test]
-fn panes_blend_over_a_solid_prop_and_are_occluded_by_it() {
-    let mut stage = Sides::with_meshes();
+fn panes_blend_over_a_solid_prop_and_are_occluded_by_it(stage: &mut Sides) {
     stage.spawn_prop(&cube(SOLID, GREEN), ());
-    spawn_left(&mut stage, 1.0, RED, 0.5);
-    spawn_top(&mut stage, -1.0, BLUE, 0.5);
+    spawn_left(stage, 1.0, RED, 0.5);
+    spawn_top(stage, -1.0, BLUE, 0.5);
     stage.wait();
-    in_every_mode(&mut stage, |stage, mode| {
+    in_every_mode(stage, |stage, mode| {
         stage.check(mode, |side, place| {
             let left = (in_left(place), RED);
             let top = (in_top(place), BLUE);
@@ -146,19 +159,17 @@ fn panes_blend_over_a_solid_prop_and_are_occluded_by_it() {
 }
 
 /// A camera may write only a part of the depths, so that another camera draws over what it draws.
-#[test]
-fn props_and_meshes_occlude_each_other_in_any_range_of_depths() {
-    let mut stage = Sides::with_meshes();
+fn props_and_meshes_occlude_each_other_in_any_range_of_depths(stage: &mut Sides) {
     stage.spawn_prop(&cube(SOLID, GREEN), ());
-    spawn_left(&mut stage, 1.0, RED, 1.0);
-    spawn_top(&mut stage, -1.0, BLUE, 0.5);
+    spawn_left(stage, 1.0, RED, 1.0);
+    spawn_top(stage, -1.0, BLUE, 0.5);
     stage.wait();
     for range in [0.0..0.4, 0.5..1.0, 0.3..0.6] {
         for camera in stage.cameras {
             let mut camera = stage.world().get_mut::<Camera>(camera).unwrap();
             camera.viewport.as_mut().unwrap().depth = range.clone();
         }
-        in_every_mode(&mut stage, |stage, mode| {
+        in_every_mode(stage, |stage, mode| {
             stage.check(format!("{range:?}, {mode}"), |side, place| {
                 let over = |color: &mut DVec3, is_there: bool, layer| *color = if is_there { layer } else { *color };
                 let mut color = BACKGROUND;
@@ -188,14 +199,12 @@ fn spawn_line(stage: &mut Sides, z: f32, encoded: DVec3, vertical: bool) {
     stage.spawn(Gizmo { handle, line_config: GizmoLineConfig { width: 4.0, ..default() }, ..default() });
 }
 
-#[test]
-fn gizmos_are_drawn_over_a_prop_and_occluded_behind_it() {
-    let mut stage = Sides::with_meshes();
+fn gizmos_are_drawn_over_a_prop_and_occluded_behind_it(stage: &mut Sides) {
     stage.spawn_prop(&cube(SOLID, GREEN), ());
-    spawn_line(&mut stage, 1.0, RED, false);
-    spawn_line(&mut stage, -1.0, BLUE, true);
+    spawn_line(stage, 1.0, RED, false);
+    spawn_line(stage, -1.0, BLUE, true);
     stage.wait();
-    in_every_mode(&mut stage, |stage, mode| {
+    in_every_mode(stage, |stage, mode| {
         stage.check(mode, |side, place| {
             let mut layers = Vec::new();
             layers.extend(in_cube(place).then_some((0.0, GREEN, 1.0)));
@@ -207,9 +216,7 @@ fn gizmos_are_drawn_over_a_prop_and_occluded_behind_it() {
 }
 
 /// Pairs of props that are fog or solid, one in front of the other. The cameras see them in both orders.
-#[test]
-fn props_are_composited_over_each_other() {
-    let mut stage = Sides::new();
+fn props_are_composited_over_each_other(stage: &mut Sides) {
     for (red, blue) in [(0.4, 0.3), (0.4, 1.0), (1.0, 1.0)] {
         stage.clear();
         let density = |opacity| if opacity < 1.0 { density(opacity) } else { SOLID };
@@ -229,14 +236,12 @@ fn props_are_composited_over_each_other() {
 /// The large prop is a wall at the back of its bounding box, which a speck in a corner makes as deep as the stage. The
 /// small prop is inside that box: in front of the wall from one side, and behind it from the other. Its center,
 /// however, is farther away than the large prop's in the first case, and nearer in the second.
-#[test]
-fn a_prop_inside_the_bounds_of_another_is_occluded_by_leaves_only() {
-    let mut stage = Sides::new();
+fn a_prop_inside_the_bounds_of_another_is_occluded_by_leaves_only(stage: &mut Sides) {
     let wall = shape(SOLID, BLUE, |at| at.z < -0.75 || at.min_element() > 0.875);
     stage.spawn_prop(&wall, ());
     stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, -0.375).with_scale(Vec3::splat(0.5)));
     stage.wait();
-    in_every_mode(&mut stage, |stage, mode| {
+    in_every_mode(stage, |stage, mode| {
         stage.check(mode, |side, place| {
             let mut layers = Vec::new();
             layers.extend(within(place, (-1.0, -1.0), (1.0, 1.0)).then_some((-0.875, BLUE, 1.0)));
@@ -247,9 +252,7 @@ fn a_prop_inside_the_bounds_of_another_is_occluded_by_leaves_only() {
 }
 
 /// Fog so wide that its center is farther from the camera than the center of the fog behind it.
-#[test]
-fn props_are_sorted_along_the_view() {
-    let mut stage = Sides::new();
+fn props_are_sorted_along_the_view(stage: &mut Sides) {
     stage.spawn_prop(
         &cube(density(0.4), RED),
         Transform::from_xyz(1.75, 0.0, 0.75).with_scale(Vec3::new(4.5, 1.0, 1.0)),

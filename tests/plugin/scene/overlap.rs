@@ -16,17 +16,34 @@ use crate::stage::{
     sides::{BACKGROUND, BLUE, GREEN, RED, SOLID, Side, Sides, cube, density, flat, in_cube, seen, shape, within},
 };
 
-/// The prop whose center is farther away has haze in front of the other one.
 #[test]
-fn haze_hides_no_solid_part() {
-    let mut stage = Sides::new();
+fn props_alone() {
+    Sides::new().run(&[
+        haze_hides_no_solid_part,
+        cores_are_seen_through_haze,
+        a_solid_prop_is_seen_in_fog,
+        props_show_through_one_that_is_solid_but_not_opaque,
+        props_that_are_never_solid_are_cut_by_others,
+        props_that_touch_and_props_in_the_same_place_are_whole,
+        a_camera_inside_of_overlapping_props_sees_what_is_before_it,
+        fewer_rays_know_solid_parts_too,
+    ]);
+}
+
+#[test]
+fn props_and_meshes() {
+    Sides::with_meshes().run(&[panes_are_hidden_by_a_solid_prop_behind_fog, empty_parts_are_never_solid]);
+}
+
+/// The prop whose center is farther away has haze in front of the other one.
+fn haze_hides_no_solid_part(stage: &mut Sides) {
     for opacity in [0.01, 0.03, 0.05, 0.06, 0.2, 0.4] {
         stage.clear();
         let haze = shape(8.0 * density(opacity), BLUE, |at| at.z > 0.875 || at.max_element() < -0.875);
         stage.spawn_prop(&haze, Transform::from_xyz(0.0, 0.0, -0.4));
         stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, -0.1));
         stage.wait();
-        in_every_mode(&mut stage, |stage, mode| {
+        in_every_mode(stage, |stage, mode| {
             stage.check(format!("haze of {opacity}, {mode}"), |side, place| {
                 let mut layers = Vec::new();
                 layers.extend(within(place, (-1.0, -1.0), (1.0, 1.0)).then_some((0.5, BLUE, opacity)));
@@ -39,9 +56,7 @@ fn haze_hides_no_solid_part() {
 }
 
 /// Two props with a solid core, and haze all around it that reaches in front of the other one's core.
-#[test]
-fn cores_are_seen_through_haze() {
-    let mut stage = Sides::new();
+fn cores_are_seen_through_haze(stage: &mut Sides) {
     for opacity in [0.03, 0.06, 0.3] {
         let trained = |color| {
             let core = |at: DVec3| at.abs().max_element() < 0.5;
@@ -74,15 +89,13 @@ fn cores_are_seen_through_haze() {
 }
 
 /// A solid cube inside of fog. The center of the fog is nearer from one side, and farther away from the other.
-#[test]
-fn a_solid_prop_is_seen_in_fog() {
-    let mut stage = Sides::new();
+fn a_solid_prop_is_seen_in_fog(stage: &mut Sides) {
     for opacity in [0.06, 0.2, 0.4, 0.6, 0.95] {
         let sigma = density(opacity) / 2.0;
         stage.spawn_prop(&shape(sigma, GREEN, |_| true), ());
         stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, 0.25).with_scale(Vec3::splat(0.5)));
         stage.wait();
-        in_every_mode(&mut stage, |stage, mode| {
+        in_every_mode(stage, |stage, mode| {
             stage.check(format!("fog of {opacity}, {mode}"), |side, place| {
                 let is_solid = within(place, (-0.25, -0.25), (0.25, 0.25));
                 // The cube begins at 0.5 from the front, and at 0 from behind.
@@ -101,9 +114,7 @@ fn a_solid_prop_is_seen_in_fog() {
 }
 
 /// From the front: fog, a pane, a solid prop, another pane.
-#[test]
-fn panes_are_hidden_by_a_solid_prop_behind_fog() {
-    let mut stage = Sides::with_meshes();
+fn panes_are_hidden_by_a_solid_prop_behind_fog(stage: &mut Sides) {
     stage.spawn_prop(&cube(SOLID, GREEN), ());
     stage.spawn_rectangle((-1.0, -1.0), (0.0, 1.0), 0.75, RED, 0.5);
     stage.spawn_rectangle((-1.0, 0.0), (1.0, 1.0), -0.75, BLUE, 0.5);
@@ -111,7 +122,7 @@ fn panes_are_hidden_by_a_solid_prop_behind_fog() {
         let wide = Transform::from_xyz(0.0, 0.0, 1.5).with_scale(Vec3::new(2.0, 2.0, 1.0));
         let fog = stage.spawn_prop(&cube(density(opacity), BLUE), wide);
         stage.wait();
-        in_every_mode(&mut stage, |stage, mode| {
+        in_every_mode(stage, |stage, mode| {
             stage.check(format!("fog of {opacity}, {mode}"), |side, place| {
                 let mut layers = Vec::new();
                 layers.extend(within(place, (-1.0, -1.0), (1.0, 1.0)).then_some((1.5, BLUE, opacity)));
@@ -136,16 +147,14 @@ fn panes_are_hidden_by_a_solid_prop_behind_fog() {
 
 /// A prop with an opacity of 6/10 is solid, but another one shows through it. The other one is a wall at the back of
 /// its bounding box, whose center is nearer.
-#[test]
-fn props_show_through_one_that_is_solid_but_not_opaque() {
-    let mut stage = Sides::new();
+fn props_show_through_one_that_is_solid_but_not_opaque(stage: &mut Sides) {
     stage.spawn_prop(&cube(density(0.6), RED), ());
     let wall = shape(SOLID, BLUE, |at| at.z < -0.75 || at.min_element() > 0.875);
     stage.spawn_prop(&wall, Transform::from_xyz(0.0, 0.0, 0.2));
     // Fog behind the wall from one side, and in front of it from the other.
     stage.spawn_prop(&cube(density(0.3), GREEN), Transform::from_xyz(0.0, 0.0, -1.5));
     stage.wait();
-    in_every_mode(&mut stage, |stage, mode| {
+    in_every_mode(stage, |stage, mode| {
         stage.check(mode, |side, place| {
             let mut layers = vec![];
             layers.extend(in_cube(place).then_some((0.0, RED, 0.6)));
@@ -157,9 +166,7 @@ fn props_show_through_one_that_is_solid_but_not_opaque() {
 }
 
 /// Neither order of drawing cuts the fog in front of an opaque prop that is never solid.
-#[test]
-fn props_that_are_never_solid_are_cut_by_others() {
-    let mut stage = Sides::new();
+fn props_that_are_never_solid_are_cut_by_others(stage: &mut Sides) {
     let never = stage.spawn_prop(&cube(density(0.9), BLUE), Transform::from_xyz(0.25, 0.0, 0.0));
     stage.world().entity_mut(never).insert(SolidOpacity::Never);
     stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, 0.25));
@@ -179,9 +186,7 @@ fn props_that_are_never_solid_are_cut_by_others() {
 
 /// Even a prop that is solid from no opacity on is not solid where its box is empty: a pane is seen behind it, through
 /// fog.
-#[test]
-fn empty_parts_are_never_solid() {
-    let mut stage = Sides::with_meshes();
+fn empty_parts_are_never_solid(stage: &mut Sides) {
     let corner = shape(SOLID, RED, |at| at.abs().max_element() < 0.5 || at.min_element() > 0.875);
     let prop = stage.spawn_prop(&corner, ());
     stage.world().entity_mut(prop).insert(SolidOpacity::At(0.0));
@@ -200,9 +205,7 @@ fn empty_parts_are_never_solid() {
     });
 }
 
-#[test]
-fn props_that_touch_and_props_in_the_same_place_are_whole() {
-    let mut stage = Sides::new();
+fn props_that_touch_and_props_in_the_same_place_are_whole(stage: &mut Sides) {
     let first = stage.spawn_prop(&cube(SOLID, GREEN), Transform::from_xyz(-0.5, 0.0, 0.0));
     let field = stage.field();
     let second = stage.spawn((Prop(field), Transform::from_xyz(0.5, 0.0, 0.0)));
@@ -223,9 +226,7 @@ fn props_that_touch_and_props_in_the_same_place_are_whole() {
 }
 
 /// The camera is in fog, then also inside of a solid cube in the fog, which its near plane cuts.
-#[test]
-fn a_camera_inside_of_overlapping_props_sees_what_is_before_it() {
-    let mut stage = Sides::new();
+fn a_camera_inside_of_overlapping_props_sees_what_is_before_it(stage: &mut Sides) {
     stage.spawn_prop(&shape(0.5, GREEN, |_| true), ());
     stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, -0.5).with_scale(Vec3::splat(0.5)));
     stage.wait();
@@ -247,9 +248,7 @@ fn a_camera_inside_of_overlapping_props_sees_what_is_before_it() {
 }
 
 /// Fewer rays show the same.
-#[test]
-fn fewer_rays_know_solid_parts_too() {
-    let mut stage = Sides::new();
+fn fewer_rays_know_solid_parts_too(stage: &mut Sides) {
     stage.spawn_prop(&shape(density(0.3) / 2.0, GREEN, |_| true), ());
     stage.spawn_prop(&cube(SOLID, RED), Transform::from_xyz(0.0, 0.0, 0.4));
     stage.set_both(PropQuality { ray_tolerance: 0.1, ..PropQuality::EXACT });

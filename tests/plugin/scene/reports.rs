@@ -1,30 +1,13 @@
 //! Tests the messages that report to the main world which fields the GPU holds.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{
-    FieldFailed, FieldReady, PlenOctree, PlenOctreeSystems, Prop, PropError, headless::HeadlessError,
-};
+use bevy_plenoctree::{FieldFailed, FieldReady, PlenOctree, Prop, PropError, headless::HeadlessError};
 use glam::DVec3;
 
-use crate::stage::{PATIENCE, Stage, fields::colored};
+use crate::stage::{PATIENCE, Stage, fields::colored, hear};
 
 fn cube(depth: u32) -> PlenOctree {
     colored(depth, |_| 1.0, |_| DVec3::splat(0.5))
-}
-
-#[derive(Resource, Default)]
-struct Received {
-    ready: Vec<FieldReady>,
-    failed: Vec<FieldFailed>,
-}
-
-fn receive(
-    mut received: ResMut<Received>,
-    mut ready: MessageReader<FieldReady>,
-    mut failed: MessageReader<FieldFailed>,
-) {
-    received.ready.extend(ready.read());
-    received.failed.extend(failed.read().cloned());
 }
 
 #[test]
@@ -32,7 +15,8 @@ fn fields_that_fit_and_fields_that_do_not_are_reported_once() {
     // Textures hold at most one mebibyte.
     let limits = wgpu::Limits { max_texture_dimension_2d: 256, ..wgpu::Limits::default() };
     let mut stage = Stage::limited(16, limits, |app| {
-        app.init_resource::<Received>().add_systems(PreUpdate, receive.after(PlenOctreeSystems::ReportFields));
+        hear::<FieldReady>(app);
+        hear::<FieldFailed>(app);
     });
     // Nothing sees them.
     stage.close();
@@ -46,12 +30,11 @@ fn fields_that_fit_and_fields_that_do_not_are_reported_once() {
     let HeadlessError::Prop(PropError::TooLarge(error)) = error else { panic!("{error}") };
     assert_eq!((error.what, error.bytes, error.limit), ("coefficients", 16 << 18, Some(256 * 256 * 16)));
     stage.update(4);
-    let received = stage.resource::<Received>();
-    assert_eq!(received.ready, [FieldReady { field: small.id() }]);
-    assert_eq!(received.failed, [FieldFailed { field: large.id(), error, only_level: false }]);
+    assert_eq!(stage.heard::<FieldReady>(), [FieldReady { field: small.id() }]);
+    assert_eq!(stage.heard::<FieldFailed>(), [FieldFailed { field: large.id(), error, only_level: false }]);
 
     // The reloaded field fits.
     *stage.world().resource_mut::<Assets<PlenOctree>>().get_mut(&large).unwrap() = cube(4);
     stage.wait();
-    assert_eq!(stage.resource::<Received>().ready.last(), Some(&FieldReady { field: large.id() }));
+    assert_eq!(stage.heard::<FieldReady>().last(), Some(&FieldReady { field: large.id() }));
 }

@@ -2,8 +2,7 @@
 
 use bevy::{camera::Hdr, prelude::*};
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, Palettes, PlenOctree, Posterize,
-    Prop, PropQuality, SolidOpacity,
+    BeforePalette, BilateralFilter, FieldPalette, Palettes, PlenOctree, Posterize, Prop, PropQuality, SolidOpacity,
 };
 use glam::DVec3;
 use image::RgbaImage;
@@ -48,17 +47,11 @@ impl View {
     }
 }
 
-const WIDE: Posterize = Posterize {
-    filter: BilateralFilter { iterations: 4, radius: 6, taps: 8, spatial_sigma: 6.0, range_sigma: 50.0 },
-    blend_steps: 3,
-    softness: 0.2,
-    min_opacity: 0.01,
-    before_palette: BeforePalette::AsTrained,
-    edges: EdgeSmoothing::Coverage,
-    borders: BorderSmoothing::Off,
-    steadiness: 0.0,
-    method: None,
-};
+fn wide() -> Posterize {
+    let filter = BilateralFilter { radius: 6, taps: 8, spatial_sigma: 6.0, range_sigma: 50.0, ..default() };
+    let before_palette = BeforePalette::AsTrained;
+    Posterize { filter, min_opacity: 0.01, before_palette, ..Posterize::paper() }
+}
 
 /// A prop that stays where another one was despawned next to it, or where it moved away from, looks as if it had always
 /// been alone, with any number of samples.
@@ -102,12 +95,12 @@ fn nothing_is_left_of_a_prop_that_is_gone() {
 #[test]
 fn fewer_rays_do_not_depend_on_earlier_frames() {
     let mut view = View::new();
-    let prop = view.spawn(Vec3::ZERO, WIDE);
+    let prop = view.spawn(Vec3::ZERO, wide());
     for ray_tolerance in [0.02, 0.3, f32::INFINITY] {
         let place = Vec3::new(0.1, -0.2, 0.0);
         let mut fresh = View::new();
         fresh.stage.set(PropQuality { ray_tolerance, ..PropQuality::EXACT });
-        fresh.spawn(place, WIDE);
+        fresh.spawn(place, wide());
         let expected = fresh.capture();
         view.stage.set(PropQuality { ray_tolerance, ..PropQuality::EXACT });
         view.place(prop, 3.5 * Vec3::Z);
@@ -122,7 +115,7 @@ fn fewer_rays_do_not_depend_on_earlier_frames() {
 #[test]
 fn fewer_rays_cut_nothing() {
     let mut view = View::new();
-    view.spawn(Vec3::new(0.1, -0.2, 0.0), WIDE);
+    view.spawn(Vec3::new(0.1, -0.2, 0.0), wide());
     for ray_tolerance in [0.02, 0.3, f32::INFINITY] {
         view.stage.clear();
         view.stage.set(PropQuality { ray_tolerance, ..PropQuality::EXACT });

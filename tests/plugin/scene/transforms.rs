@@ -10,37 +10,8 @@ use plenoctree::{BakeSettings, Basis, bake};
 
 use crate::stage::{
     fields::colored,
-    sides::{BLUE, GREEN, RED, SOLID, Sides, cube, density, in_cube, seen, within},
+    sides::{BLUE, RED, SOLID, Sides, density, in_cube, seen},
 };
-
-#[test]
-fn scale_does_not_change_opacity() {
-    let mut stage = Sides::new();
-    let scale = Vec3::new(1.5, 0.5, 3.0);
-    stage.spawn_prop(&cube(density(0.4), GREEN), Transform::from_scale(scale));
-    stage.wait();
-    stage.check("scaled", |side, place| {
-        let covers = within(place, (-0.75, -0.25), (0.75, 0.25));
-        seen(side, &covers.then_some((0.0, GREEN, 0.4)).into_iter().collect::<Vec<_>>())
-    });
-}
-
-/// A cube rotated onto its edge: at x, the path of a ray through it is `sqrt(2) - 2 |x|`. Its parent makes it twice as
-/// wide and three times as deep, which shears it: at x, the path is now as long as it was at x / 2.
-#[test]
-fn a_sheared_prop_is_as_opaque_as_its_field() {
-    let mut stage = Sides::new();
-    let parent = Transform::from_scale(Vec3::new(2.0, 1.0, 3.0));
-    let parent = stage.spawn((parent, Visibility::default()));
-    let rotated = Transform::from_rotation(Quat::from_rotation_y(FRAC_PI_4));
-    let prop = stage.spawn_prop(&cube(1.0, GREEN), rotated);
-    stage.insert(prop, ChildOf(parent));
-    stage.wait();
-    stage.check("sheared", |side, place| {
-        let path = if place.y.abs() < 0.5 { 2f64.sqrt() - place.x.abs() } else { 0.0 };
-        seen(side, &[(0.0, GREEN, 1.0 - (-path.max(0.0)).exp())])
-    });
-}
 
 /// Fog with an opacity of 6/10 on the left and 3/10 on the right, mirrored in various ways and rotated.
 #[test]

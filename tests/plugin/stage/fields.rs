@@ -1,7 +1,7 @@
 //! Fields that tests bake, build or read.
 
 use bevy::prelude::*;
-use bevy_plenoctree::{Activation, LoadSettings, PlenOctree, UpAxis};
+use bevy_plenoctree::{Activation, FieldPalette, LoadSettings, Palette, PlenOctree, UpAxis};
 use glam::DVec3;
 use half::f16;
 use plenoctree::{BakeSettings, Basis, Cell, Frame, bake};
@@ -40,6 +40,12 @@ pub fn cube(density: f64, color: DVec3) -> PlenOctree {
 pub fn included(name: &str) -> PlenOctree {
     let path = format!("{}/assets/{name}.plenoctree", env!("CARGO_MANIFEST_DIR"));
     PlenOctree::read(path, &LoadSettings::default()).unwrap()
+}
+
+/// Reads the palette of an included prop that has one.
+pub fn included_palette(name: &str) -> FieldPalette {
+    let path = format!("{}/assets/{name}.palette.json", env!("CARGO_MANIFEST_DIR"));
+    FieldPalette::new(Palette::read(path).unwrap())
 }
 
 /// Returns a field in [-1, 1]^3 whose leaves have these densities and coefficients.

@@ -105,6 +105,11 @@ impl Stage {
         self.headless.app.world().resource()
     }
 
+    /// Returns the messages of a type that the app has sent since [`hear`].
+    pub fn heard<M: Message>(&self) -> &[M] {
+        &self.resource::<Heard<M>>().0
+    }
+
     pub fn render_world(&self) -> &World {
         self.headless.app.sub_app(RenderApp).world()
     }
@@ -294,6 +299,16 @@ fn use_all_cores() {
     // One more than there are cores, because some wait for the GPU.
     let threads = available_parallelism() + 1;
     ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(threads).build());
+}
+
+/// The messages of a type that an app has sent.
+#[derive(Resource)]
+pub struct Heard<M: Message>(pub Vec<M>);
+
+/// Keeps all messages of a type.
+pub fn hear<M: Message + Clone>(app: &mut App) {
+    let keep = |mut heard: ResMut<Heard<M>>, mut sent: MessageReader<M>| heard.0.extend(sent.read().cloned());
+    app.insert_resource(Heard::<M>(vec![])).add_systems(Last, keep);
 }
 
 /// Waits until something is done, which `is_done` may work on.

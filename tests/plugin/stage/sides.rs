@@ -6,7 +6,10 @@ use bevy::{
     camera::{Hdr, ScalingMode, Viewport},
     prelude::*,
 };
-use bevy_plenoctree::headless::{LitMeshPlugins, exact_camera};
+use bevy_plenoctree::{
+    Prop,
+    headless::{LitMeshPlugins, exact_camera},
+};
 use glam::{DVec2, DVec3};
 
 use super::{Stage, pixels::steps, unlit};
@@ -102,17 +105,39 @@ impl Sides {
     }
 
     pub fn with(configure: impl FnOnce(&mut App)) -> Self {
-        let mut stage = Stage::with(Side::Behind.corner() + PIXELS, configure);
-        let other = (exact_camera(Color::BLACK), stage.headless.target());
-        let cameras = [stage.camera, stage.spawn(other)];
-        for (side, camera) in Side::BOTH.into_iter().zip(cameras) {
-            stage.insert(camera, (flat(), side.camera()));
-            let mut camera = stage.world().get_mut::<Camera>(camera).unwrap();
-            (camera.order, camera.clear_color) = (side as isize, color(BACKGROUND).into());
-            camera.viewport =
-                Some(Viewport { physical_position: side.corner(), physical_size: UVec2::splat(PIXELS), ..default() });
+        let stage = Stage::with(Side::Behind.corner() + PIXELS, configure);
+        let mut sides = Self { cameras: [stage.camera; 2], stage };
+        sides.reset();
+        sides
+    }
+
+    /// Despawns what is on the stage, and replaces the cameras.
+    pub fn reset(&mut self) {
+        self.props.clear();
+        let world = self.world();
+        type Spawned = Or<(With<Camera>, With<Prop>, With<Mesh3d>, With<Gizmo>, With<DirectionalLight>)>;
+        let mut all = world.query_filtered::<Entity, Spawned>();
+        for entity in all.iter(world).collect::<Vec<_>>() {
+            world.despawn(entity);
         }
-        Self { stage, cameras }
+        self.cameras = Side::BOTH.map(|side| {
+            let target = self.headless.target();
+            let camera = self.spawn((exact_camera(color(BACKGROUND)), target, flat(), side.camera()));
+            let mut settings = self.world().get_mut::<Camera>(camera).unwrap();
+            settings.order = side as isize;
+            settings.viewport =
+                Some(Viewport { physical_position: side.corner(), physical_size: UVec2::splat(PIXELS), ..default() });
+            camera
+        });
+        self.stage.camera = self.cameras[0];
+    }
+
+    /// Runs tests one after another, because starting an app takes longer than most of them.
+    pub fn run(mut self, tests: &[fn(&mut Self)]) {
+        for test in tests {
+            self.reset();
+            test(&mut self);
+        }
     }
 
     /// Inserts components into both cameras.
@@ -144,6 +169,7 @@ impl Sides {
 
     /// Captures a frame and asserts that every pixel of both viewports is within 2/255 of the expected color, if there
     /// is one for its place.
+    #[track_caller]
     pub fn check<E: Into<Option<DVec3>>>(&mut self, what: impl Display, expected: impl Fn(Side, DVec2) -> E) {
         let frame = self.capture();
         for side in Side::BOTH {

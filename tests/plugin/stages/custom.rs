@@ -2,8 +2,8 @@
 
 use bevy::{camera::Viewport, prelude::*, shader::Shader};
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, BorderSmoothing, EdgeSmoothing, LabelStages, Palette, PaletteLabel, Posterize,
-    PosterizeView, Prop, PropPlacement, PropState,
+    BilateralFilter, EdgeSmoothing, LabelStages, Palette, PaletteLabel, Posterize, PosterizeView, Prop, PropPlacement,
+    PropState,
 };
 
 use super::scene::{COLOR, PALETTE, SIZE, SOLID, Stage, assert_near, at, differing, middle, scene};
@@ -48,21 +48,15 @@ fn stages<const N: usize>(scene: &mut Stage, sources: [&str; N]) -> LabelStages 
     LabelStages(sources.map(|source| scene.add(Shader::from_wgsl(source.to_string(), "stage.wgsl"))).to_vec())
 }
 
-const HARD: Posterize = Posterize {
-    blend_steps: 2,
-    softness: 0.0,
-    min_opacity: 0.3,
-    filter: BilateralFilter { iterations: 1, radius: 2, taps: 6, spatial_sigma: 3.0, range_sigma: 4.25 },
-    before_palette: BeforePalette::Hide,
-    edges: EdgeSmoothing::Off,
-    borders: BorderSmoothing::Off,
-    steadiness: 0.0,
-    method: None,
-};
+fn hard() -> Posterize {
+    let filter = BilateralFilter { iterations: 1, taps: 6, ..default() };
+    let edges = EdgeSmoothing::Off;
+    Posterize { blend_steps: 2, softness: 0.0, min_opacity: 0.3, filter, edges, ..Posterize::paper() }
+}
 
 fn posterized() -> Stage {
     let mut scene = scene(SOLID);
-    scene.dress(HARD);
+    scene.dress(hard());
     scene
 }
 
@@ -77,7 +71,7 @@ fn a_stage_reads_labels_and_owners_and_writes_the_screen() {
     let without = scene.capture();
     let encoded = |color: Color| Srgba::from(color).to_f32_array_no_alpha().map(f64::from);
     let palette = Palette::new(PALETTE.map(encoded).to_vec()).unwrap();
-    let label = PaletteLabel::nearest(encoded(COLOR).into(), &palette, HARD.blend_steps).unwrap();
+    let label = PaletteLabel::nearest(encoded(COLOR).into(), &palette, hard().blend_steps).unwrap();
     for msaa in [Msaa::Off, Msaa::Sample4] {
         for place in [PropPlacement::Scene, PropPlacement::Display] {
             let mark = stages(&mut scene, [MARK]);
@@ -126,7 +120,7 @@ fn props_as_trained_and_posterized_views_have_different_labels() {
     scene.set((Msaa::Off, mark));
     assert_near(middle(&scene.capture()), marked(1, 0), 1, "as trained");
     let field = scene.field();
-    scene.set((PosterizeView(field), HARD));
+    scene.set((PosterizeView(field), hard()));
     let [red, green, _] = middle(&scene.capture());
     assert!(red >= 2 * 16 - 1 && green == 0, "{red} {green}");
 }
@@ -140,7 +134,7 @@ fn stages_run_in_order() {
         Viewport { physical_position: UVec2::new(7, 3), physical_size: UVec2::new(SIZE - 11, SIZE - 9), ..default() };
     for (viewport, edges) in [(None, EdgeSmoothing::Coverage), (Some(corner), EdgeSmoothing::Off)] {
         scene.camera_mut().viewport = viewport;
-        scene.dress(Posterize { edges, ..HARD });
+        scene.dress(Posterize { edges, ..hard() });
         for msaa in [Msaa::Off, Msaa::Sample4] {
             scene.set(msaa);
             let [once, twice] = [stages(&mut scene, [SWAP]), stages(&mut scene, [SWAP, SWAP])];

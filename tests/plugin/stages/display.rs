@@ -21,7 +21,8 @@ use bevy_plenoctree::{PlenOctreePlugin, Posterize, PropPlacement, headless::exac
 use image::imageops::crop_imm;
 
 use super::scene::{
-    COLOR, SHOWN, SIZE, SOLID, Stage, assert_near, at, is_near, middle, scene, scene_with, spawn_square,
+    COLOR, SHOWN, SIZE, SOLID, Stage, assert_near, at, is_near, middle, scene, scene_with, scene_with_meshes,
+    spawn_square,
 };
 use crate::stage::{TONEMAPPINGS, unlit};
 
@@ -31,10 +32,8 @@ fn effects() -> impl Bundle {
     (DebandDither::Enabled, Exposure::OVERCAST, ColorGrading { global, ..default() })
 }
 
-/// Returns a scene with a cube that shows the first of [`SHOWN`] at [`PropPlacement::Display`], in front of a brighter
-/// sky.
-fn posterized() -> Stage {
-    let mut scene = scene(SOLID);
+/// Makes the cube of a scene show the first of [`SHOWN`] at [`PropPlacement::Display`], in front of a brighter sky.
+fn posterized(mut scene: Stage) -> Stage {
     scene.dress(Posterize { softness: 0.0, ..default() });
     scene.set_background(Color::linear_rgb(50.0, 50.0, 50.0));
     scene.set(PropPlacement::Display);
@@ -52,7 +51,7 @@ fn assert_exact(frame: &image::RgbaImage, what: &str) {
 
 #[test]
 fn nothing_changes_palette_colors() {
-    let mut scene = posterized();
+    let mut scene = posterized(scene_with_meshes(SOLID));
     for (tonemapping, msaa) in TONEMAPPINGS.into_iter().flat_map(|t| [(t, Msaa::Off), (t, Msaa::Sample4)]) {
         scene.set((effects(), tonemapping, msaa));
         scene.set_if(false, Bloom::NATURAL);
@@ -70,7 +69,7 @@ fn nothing_changes_palette_colors() {
 /// Colors are exact in every format and compositing space of the view's textures, posterized and as trained.
 #[test]
 fn compositing_spaces_are_honored() {
-    let mut scene = posterized();
+    let mut scene = posterized(scene(SOLID));
     for (hdr, space) in [
         (false, CompositingSpace::Linear),
         (false, CompositingSpace::Srgb),
@@ -94,7 +93,7 @@ fn compositing_spaces_are_honored() {
 
 #[test]
 fn opaque_meshes_occlude_props() {
-    let mut scene = posterized();
+    let mut scene = posterized(scene_with_meshes(SOLID));
     scene.set((effects(), Hdr, Tonemapping::AgX));
     let opaque = spawn_square(&mut scene, Vec3::new(0.0, -0.2, 1.0), 0.4, unlit(Color::srgb(0.8, 0.6, 0.1)));
     // At 2 units from the camera, 0.2 units are about a quarter of the way to the bottom.
@@ -115,7 +114,7 @@ fn opaque_meshes_occlude_props() {
 /// is hidden.
 #[test]
 fn glass_is_in_front_of_exact_colors() {
-    let mut scene = posterized();
+    let mut scene = posterized(scene_with_meshes(SOLID));
     let pane = Color::srgba(0.8, 0.6, 0.1, 0.5);
     // They cover the upper half and the left half of the frame's middle.
     spawn_square(&mut scene, Vec3::new(0.0, 0.2, 1.0), 0.4, unlit(pane));
@@ -147,7 +146,7 @@ fn glass_is_in_front_of_exact_colors() {
 /// Two cameras share their textures, which post-processing swaps.
 #[test]
 fn each_viewport_has_its_own_placement() {
-    let mut scene = posterized();
+    let mut scene = posterized(scene(SOLID));
     let (camera, target) = (scene.camera, scene.headless.target());
     let settings = || (effects(), Hdr, Tonemapping::AcesFitted, Transform::from_xyz(0.0, 0.0, 3.0));
     scene.set(settings());
@@ -191,25 +190,20 @@ fn each_viewport_has_its_own_placement() {
 /// One camera draws to a texture, which another camera sees on a mesh.
 #[test]
 fn textures_hold_palette_colors() {
+    let mut scene = posterized(scene_with_meshes(SOLID));
+    let target = scene.headless.target();
+    scene.dress(Transform::from_xyz(100.0, 0.0, 0.0).with_scale(Vec3::splat(3.0)));
+    scene.set((effects(), Hdr, Tonemapping::TonyMcMapface, Transform::from_xyz(100.0, 0.0, 3.0)));
+    scene.camera_mut().order = -1;
+    scene.spawn((exact_camera(Color::BLACK), target, Transform::from_xyz(0.0, 0.0, 3.0)));
     for format in [TextureFormat::Rgba8UnormSrgb, TextureFormat::Bgra8UnormSrgb, TextureFormat::Rgba16Float] {
-        let mut scene = posterized();
-        let (prop, camera, target) = (scene.prop(), scene.camera, scene.headless.target());
-        let world = scene.world();
-        let texture = world.resource_mut::<Assets<Image>>().add(Image::new_target_texture(32, 32, format, None));
-        world.entity_mut(camera).insert((
-            RenderTarget::Image(texture.clone().into()),
-            effects(),
-            Hdr,
-            Tonemapping::TonyMcMapface,
-        ));
-        world.get_mut::<Camera>(camera).unwrap().order = -1;
-        world.get_mut::<Transform>(prop).unwrap().scale = Vec3::splat(3.0);
-        world.get_mut::<Transform>(prop).unwrap().translation.x = 100.0;
-        world.get_mut::<Transform>(camera).unwrap().translation.x = 100.0;
-        world.spawn((exact_camera(Color::BLACK), target, Transform::from_xyz(0.0, 0.0, 3.0)));
+        let texture: Handle<Image> = scene.add(Image::new_target_texture(32, 32, format, None));
+        // Cameras whose projection changes look at the size of their target.
+        scene.set((RenderTarget::Image(texture.clone().into()), Projection::default()));
         let material = StandardMaterial { base_color_texture: Some(texture), unlit: true, ..default() };
-        spawn_square(&mut scene, 0.5 * Vec3::Z, 3.0, material);
+        let square = spawn_square(&mut scene, 0.5 * Vec3::Z, 3.0, material);
         assert_exact(&scene.capture(), &format!("{format:?}"));
+        scene.world().despawn(square);
     }
 }
 

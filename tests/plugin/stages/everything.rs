@@ -8,28 +8,23 @@ use bevy::{
     render::diagnostic::RenderDiagnosticsPlugin,
 };
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, POSTERIZE_SPANS, PaletteOverride,
-    Palettes, Posterize, PosterizeView, PropPlacement, VOLUME_SPANS,
+    BilateralFilter, EdgeSmoothing, FieldPalette, POSTERIZE_SPANS, PaletteOverride, Palettes, Posterize, PosterizeView,
+    PropPlacement, VOLUME_SPANS,
 };
 use image::RgbaImage;
 
 use super::scene::{
     COLOR, PALETTE, SHOWN, SIZE, SOLID, Stage, assert_near, at, cube, is_near, middle, over, scene, scene_with,
-    spawn_square,
+    scene_with_meshes, spawn_square,
 };
 use crate::stage::unlit;
 
-const HARD: Posterize = Posterize {
-    blend_steps: 1,
-    softness: 0.0,
-    min_opacity: 0.3,
-    filter: BilateralFilter { iterations: 2, radius: 2, taps: 6, spatial_sigma: 3.0, range_sigma: 4.25 },
-    before_palette: BeforePalette::Hide,
-    edges: EdgeSmoothing::Off,
-    borders: BorderSmoothing::Off,
-    steadiness: 0.0,
-    method: None,
-};
+fn hard() -> Posterize {
+    let filter = BilateralFilter { iterations: 2, taps: 6, ..default() };
+    let edges = EdgeSmoothing::Off;
+    Posterize { blend_steps: 1, softness: 0.0, min_opacity: 0.3, filter, edges, ..Posterize::paper() }
+}
+
 /// Nearest to the second color of the palette.
 const SKY: Color = Color::srgb(0.2, 0.2, 0.15);
 /// Nearest to the third color of the palette.
@@ -37,11 +32,11 @@ const STRAW: Color = Color::srgb(0.8, 0.8, 0.4);
 
 /// Returns a scene with a straw-colored square in the left half, and no prop.
 fn without_a_prop() -> Stage {
-    let mut scene = scene(SOLID);
+    let mut scene = scene_with_meshes(SOLID);
     let (prop, field) = (scene.prop(), scene.field());
     scene.world().despawn(prop);
     scene.set_background(SKY);
-    scene.set((PosterizeView(field), HARD));
+    scene.set((PosterizeView(field), hard()));
     spawn_square(&mut scene, Vec3::new(-0.6, 0.0, 0.0), 0.8, unlit(STRAW));
     scene
 }
@@ -81,17 +76,6 @@ fn meshes_and_sky_show_only_labels() {
 }
 
 #[test]
-fn exposure_scales_the_labels_of_a_view() {
-    let mut scene = without_a_prop();
-    let ev100 = Exposure::default().ev100;
-    // At half the exposure, a color half as bright as straw gets the label of straw, which is drawn half as bright.
-    scene.set(Exposure { ev100: ev100 + 1.0 });
-    scene.set_background((STRAW.to_linear() * 0.5).into());
-    let half = (SHOWN[2].to_linear() * 0.5).into();
-    assert_near(at(&scene.capture(), EMPTY.0, EMPTY.1), half, 1, "at half the exposure");
-}
-
-#[test]
 fn transparent_meshes_are_posterized_only_at_the_display() {
     let mut scene = without_a_prop();
     let red = Color::srgba(1.0, 0.0, 0.0, 0.5);
@@ -106,16 +90,16 @@ fn transparent_meshes_are_posterized_only_at_the_display() {
 /// Posterized props keep their own palette, and everything else gets the view's.
 #[test]
 fn props_are_posterized_once() {
-    let mut scene = scene(SOLID);
+    let mut scene = scene_with_meshes(SOLID);
     let other = scene.add(cube(1.0));
     let [pink, teal] = [Color::srgb(0.9, 0.5, 0.6), Color::srgb(0.1, 0.5, 0.5)];
     // With a single color, everything shows that color.
     let single = FieldPalette::from_colors([pink]).unwrap();
     scene.world().resource_mut::<Palettes>().insert(&other, single);
-    scene.set((PosterizeView(other.clone()), HARD));
+    scene.set((PosterizeView(other.clone()), hard()));
     assert!(scene.capture().pixels().all(|pixel| is_near([pixel[0], pixel[1], pixel[2]], pink, 1)));
 
-    scene.dress(HARD);
+    scene.dress(hard());
     let frame = scene.capture();
     assert_near(middle(&frame), SHOWN[0], 1, "the prop");
     assert_near(at(&frame, 1, 1), pink, 1, "next to the prop");
@@ -126,21 +110,21 @@ fn props_are_posterized_once() {
 
     // A red mesh in front of the prop shows no red, not even where its edge crosses a pixel.
     let mesh = spawn_square(&mut scene, Vec3::new(0.21, 0.13, 1.0), 0.4, unlit(Color::srgb(1.0, 0.0, 0.0)));
-    scene.dress(Posterize { edges: EdgeSmoothing::Coverage, ..HARD });
+    scene.dress(Posterize { edges: EdgeSmoothing::Coverage, ..hard() });
     for msaa in [Msaa::Sample4, Msaa::Off] {
         scene.set(msaa);
         let red = scene.capture().pixels().map(|pixel| pixel[0]).max();
         assert!(red < Some(40), "{msaa:?}: {red:?}");
     }
     scene.world().despawn(mesh);
-    scene.dress(HARD);
+    scene.dress(hard());
 
     scene.set(PaletteOverride::default().with(0, COLOR));
     assert_near(at(&scene.capture(), 1, 1), COLOR, 1, "overridden");
     assert_near(middle(&scene.capture()), SHOWN[0], 1, "the prop, with an override on the view");
 
     // The view posterizes pixels that are too thin for the prop to posterize.
-    scene.dress(Posterize { min_opacity: 2.0, ..HARD });
+    scene.dress(Posterize { min_opacity: 2.0, ..hard() });
     assert_near(middle(&scene.capture()), COLOR, 1, "a thin prop");
 }
 
@@ -172,10 +156,17 @@ fn only_the_viewport_is_posterized() {
     }
 }
 
-/// Softness and blend steps affect a view's labels like a prop's.
+/// Exposure, softness and blend steps affect a view's labels like a prop's.
 #[test]
-fn labels_of_a_view_blend() {
+fn labels_of_a_view_follow_the_exposure_and_blend() {
     let mut scene = without_a_prop();
+    let ev100 = Exposure::default().ev100;
+    // At half the exposure, a color half as bright as straw gets the label of straw, which is drawn half as bright.
+    scene.set(Exposure { ev100: ev100 + 1.0 });
+    scene.set_background((STRAW.to_linear() * 0.5).into());
+    let half = (SHOWN[2].to_linear() * 0.5).into();
+    assert_near(at(&scene.capture(), EMPTY.0, EMPTY.1), half, 1, "at half the exposure");
+    scene.unset::<Exposure>();
     let filter = BilateralFilter { iterations: 0, ..default() };
     // Two thirds of the way from one color to the other.
     let two_thirds = |a: Color, b: Color| {
@@ -183,7 +174,7 @@ fn labels_of_a_view_blend() {
         Color::srgb(mixed.x, mixed.y, mixed.z)
     };
     scene.set_background(two_thirds(PALETTE[1], PALETTE[2]));
-    scene.set(Posterize { blend_steps: 3, softness: 0.0, min_opacity: 0.0, filter, ..HARD });
+    scene.set(Posterize { blend_steps: 3, softness: 0.0, min_opacity: 0.0, filter, ..hard() });
     assert_near(at(&scene.capture(), EMPTY.0, EMPTY.1), two_thirds(SHOWN[1], SHOWN[2]), 1, "a blend");
 }
 

@@ -10,7 +10,9 @@ use bevy::{
 use bevy_plenoctree::{EdgeSmoothing, Posterize, PropPlacement, SolidOpacity, headless::exact_camera};
 use image::RgbaImage;
 
-use super::scene::{SIZE, SOLID, Stage, at, cube, differing, orthographic, palette, scene, spawn_square};
+use super::scene::{
+    SIZE, SOLID, Stage, at, cube, differing, fill, orthographic, palette, scene_with_meshes, spawn_square,
+};
 use crate::stage::{
     fields::included,
     pixels::{encoded, linear, places, steps},
@@ -37,7 +39,7 @@ fn both(scene: &mut Stage) -> [RgbaImage; 2] {
 /// and one behind it.
 #[test]
 fn every_blend_mode_looks_as_in_the_scene() {
-    let mut scene = scene(SOLID);
+    let mut scene = scene_with_meshes(SOLID);
     scene.set_background(SKY);
     let panes = [
         spawn_square(&mut scene, Vec3::new(0.2, 0.3, 1.0), 0.8, default()),
@@ -89,13 +91,12 @@ fn every_blend_mode_looks_as_in_the_scene() {
 /// Thin parts are blended with what is behind in encoded sRGB, and objects with both in linear light.
 #[test]
 fn objects_are_in_front_of_thin_parts() {
+    let mut scene = scene_with_meshes(0.3);
+    scene.set_background(SKY);
+    let stages = scene.idle_stage();
     for (density, has_stages) in [(0.3, false), (0.3, true), (1.0, false)] {
-        let mut scene = scene(density);
-        scene.set_background(SKY);
-        if has_stages {
-            let stages = scene.idle_stage();
-            scene.set(stages);
-        }
+        fill(&mut scene, density);
+        scene.set_if(has_stages, stages.clone());
         for mode in MODES {
             let pane = spawn_square(&mut scene, Vec3::new(0.0, 0.2, 1.0), 0.4, material(mode));
             let [expected, found] = both(&mut scene);
@@ -111,21 +112,22 @@ fn objects_are_in_front_of_thin_parts() {
 /// With multisampling, objects end at the edges of opaque meshes before them as they do in the scene.
 #[test]
 fn objects_end_at_edges_of_meshes() {
+    let mut scene = scene_with_meshes(SOLID);
+    scene.set_background(SKY);
+    scene.set(Msaa::Sample4);
+    let turned = Transform::from_xyz(0.0, 0.0, 1.2).with_rotation(Quat::from_rotation_z(0.3));
+    scene.spawn_mesh(Rectangle::new(0.3, 0.3), unlit(Color::WHITE), turned);
+    // Thinner than a pixel.
+    let bar = Transform::from_xyz(0.0, 0.3, 1.2).with_rotation(Quat::from_rotation_z(0.15));
+    scene.spawn_mesh(Cuboid::new(0.4, 0.02, 0.01), unlit(Color::srgb(0.9, 0.9, 0.2)), bar);
     for (density, is_posterized, hdr) in
         [(SOLID, false, false), (SOLID, true, false), (SOLID, true, true), (0.3, true, true)]
     {
-        let mut scene = scene(density);
-        scene.set_background(SKY);
-        scene.set(Msaa::Sample4);
+        fill(&mut scene, density);
         scene.set_if(hdr, Hdr);
         if is_posterized {
             scene.dress(Posterize::default());
         }
-        let turned = Transform::from_xyz(0.0, 0.0, 1.2).with_rotation(Quat::from_rotation_z(0.3));
-        scene.spawn_mesh(Rectangle::new(0.3, 0.3), unlit(Color::WHITE), turned);
-        // Thinner than a pixel.
-        let bar = Transform::from_xyz(0.0, 0.3, 1.2).with_rotation(Quat::from_rotation_z(0.15));
-        scene.spawn_mesh(Cuboid::new(0.4, 0.02, 0.01), unlit(Color::srgb(0.9, 0.9, 0.2)), bar);
         let most = |[a, b]: &[RgbaImage; 2]| (0..u8::MAX).find(|step| differing(a, b, *step) == 0).unwrap_or(u8::MAX);
         let without = both(&mut scene);
         for mode in MODES {
@@ -148,25 +150,23 @@ fn objects_end_at_edges_of_meshes() {
 fn meshes_before_props_end_as_in_the_scene() {
     /// How many times as many pixels there are along a side.
     const FINER: u32 = 4;
-    let build = |size| {
-        let mut stage = Stage::with_meshes(size);
-        let turned = Transform::from_rotation(Quat::from_rotation_z(0.3));
-        stage.spawn_prop(&cube(SOLID), (Posterize::default(), turned));
-        stage.paint(palette());
-        stage.set((Msaa::Sample4, Transform::from_xyz(0.0, 0.0, 3.0)));
-        // A wall behind all.
-        spawn_square(&mut stage, Vec3::new(0.0, 0.0, -1.0), 9.0, unlit(SKY));
-        for bar in 0..12 {
-            let (angle, color) = (0.52 * bar as f32, 0.09 * bar as f32);
-            let place = Transform::from_rotation(Quat::from_rotation_z(angle)) * Transform::from_xyz(0.36, 0.0, 1.0);
-            let place = place * Transform::from_rotation(Quat::from_rotation_z(1.3 * angle));
-            let size = Cuboid::new(0.02 + 0.006 * bar as f32, 0.12, 0.02);
-            stage.spawn_mesh(size, unlit(Color::srgb(color, 1.0 - color, 0.2)), place);
-        }
-        stage.wait();
-        stage
-    };
-    let fine = build(FINER * SIZE).capture();
+    let mut scene = Stage::with_meshes(FINER * SIZE);
+    let turned = Transform::from_rotation(Quat::from_rotation_z(0.3));
+    scene.spawn_prop(&cube(SOLID), (Posterize::default(), turned));
+    scene.paint(palette());
+    scene.set((Msaa::Sample4, Transform::from_xyz(0.0, 0.0, 3.0)));
+    // A wall behind all.
+    spawn_square(&mut scene, Vec3::new(0.0, 0.0, -1.0), 9.0, unlit(SKY));
+    for bar in 0..12 {
+        let (angle, color) = (0.52 * bar as f32, 0.09 * bar as f32);
+        let place = Transform::from_rotation(Quat::from_rotation_z(angle)) * Transform::from_xyz(0.36, 0.0, 1.0);
+        let place = place * Transform::from_rotation(Quat::from_rotation_z(1.3 * angle));
+        let size = Cuboid::new(0.02 + 0.006 * bar as f32, 0.12, 0.02);
+        scene.spawn_mesh(size, unlit(Color::srgb(color, 1.0 - color, 0.2)), place);
+    }
+    scene.wait();
+    let fine = scene.capture();
+    scene.headless.resize(UVec2::splat(SIZE));
     let mean = |x: u32, y: u32| {
         let part = places(FINER, FINER).map(|(i, j)| linear(fine.get_pixel(FINER * x + i, FINER * y + j)));
         255.0 * encoded(LinearRgba::from_vec3(part.sum::<Vec3>() / (FINER * FINER) as f32))
@@ -175,7 +175,6 @@ fn meshes_before_props_end_as_in_the_scene() {
         let errors = places(SIZE, SIZE).map(|(x, y)| (steps(frame.get_pixel(x, y)) - mean(x, y)).length_squared());
         errors.sum::<f64>().sqrt()
     };
-    let mut scene = build(SIZE);
     // Without a depth, less is known about what is before the prop.
     for (solid, most_off) in [(SolidOpacity::default(), [8, 0]), (SolidOpacity::Never, [8, 1])] {
         scene.dress(solid);
@@ -224,7 +223,7 @@ fn objects_change_only_what_is_behind_them() {
 /// A prop that is solid hides what is behind it, even if light gets through it.
 #[test]
 fn translucent_props_hide_objects_behind_them() {
-    let mut scene = scene(1.0);
+    let mut scene = scene_with_meshes(1.0);
     scene.set_background(SKY);
     scene.dress(SolidOpacity::At(0.3));
     for (msaa, mode) in [Msaa::Off, Msaa::Sample4].into_iter().flat_map(|msaa| MODES.map(|mode| (msaa, mode))) {
@@ -241,7 +240,7 @@ fn translucent_props_hide_objects_behind_them() {
 /// What is bright before a prop glows around it, and what is bright behind it does not.
 #[test]
 fn objects_over_opaque_props_glow() {
-    let mut scene = scene(SOLID);
+    let mut scene = scene_with_meshes(SOLID);
     scene.set((Hdr, Bloom { intensity: 0.3, ..Bloom::NATURAL }));
     let glow = StandardMaterial {
         base_color: LinearRgba::new(20.0, 10.0, 2.0, 0.9).into(),
@@ -264,7 +263,7 @@ fn objects_over_opaque_props_glow() {
 /// ever beside them.
 #[test]
 fn independent_order_is_left_alone() {
-    let mut scene = scene(SOLID);
+    let mut scene = scene_with_meshes(SOLID);
     scene.set_background(SKY);
     scene.set(OrderIndependentTransparencySettings::default());
     spawn_square(&mut scene, Vec3::new(0.0, 0.0, 1.0), 3.0, material(AlphaMode::Blend));
@@ -278,7 +277,7 @@ fn independent_order_is_left_alone() {
 /// Two cameras with different stages share a target, and each shows what it would show alone.
 #[test]
 fn cameras_of_one_target_blend_objects_by_themselves() {
-    let mut scene = scene(SOLID);
+    let mut scene = scene_with_meshes(SOLID);
     scene.set_background(SKY);
     let (first, target) = (scene.camera, scene.headless.target());
     let second = (exact_camera(SKY), target, Transform::from_xyz(0.0, 0.0, 3.0));

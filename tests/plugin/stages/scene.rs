@@ -1,7 +1,7 @@
 //! A scene whose frames can be worked out by hand.
 
 use bevy::{camera::ScalingMode, prelude::*};
-use bevy_plenoctree::{FieldPalette, Palette, PlenOctree, headless::LitMeshPlugins};
+use bevy_plenoctree::{FieldPalette, Palette, PlenOctree, Prop, headless::LitMeshPlugins};
 
 pub use crate::stage::{
     Stage,
@@ -30,17 +30,27 @@ pub fn scene(density: f64) -> Stage {
     scene_with(density, |_| ())
 }
 
+/// Creates the same scene in an app for meshes, lights and effects, too.
+pub fn scene_with_meshes(density: f64) -> Stage {
+    scene_with(density, |app| _ = app.add_plugins(LitMeshPlugins))
+}
+
 /// Creates the same scene in an app that `configure` adds to.
 pub fn scene_with(density: f64, configure: impl FnOnce(&mut App)) -> Stage {
-    let mut stage = Stage::with(UVec2::splat(SIZE), |app| {
-        app.add_plugins(LitMeshPlugins);
-        configure(app);
-    });
+    let mut stage = Stage::with(UVec2::splat(SIZE), configure);
     stage.spawn_prop(&cube(density), ());
     stage.paint(palette());
     stage.set(Transform::from_xyz(0.0, 0.0, 3.0));
     stage.wait();
     stage
+}
+
+/// Shows a cube of another density.
+pub fn fill(stage: &mut Stage, density: f64) {
+    let field = stage.add(cube(density));
+    stage.dress(Prop(field));
+    stage.paint(palette());
+    stage.wait();
 }
 
 /// Spawns a square that faces the camera.

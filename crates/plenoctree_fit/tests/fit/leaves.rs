@@ -24,11 +24,11 @@ fn balls() -> PlenOctree {
 #[test]
 fn leaves_are_small_where_the_detail_is() {
     let folder = scene::folder("leaves");
-    let cameras: Vec<PinholeCamera> = scene::cameras(40).iter().map(|camera| camera.resized(80, 80)).collect();
-    scene::write_pictures_of(&balls(), &folder, &cameras, None, |_| 1.0);
+    let cameras: Vec<PinholeCamera> = scene::cameras(24).iter().map(|camera| camera.resized(80, 80)).collect();
+    scene::write_pictures_of(&balls(), &folder, &cameras);
     scene::write_transforms(&folder, &cameras);
     let fitted = |leaves: usize| {
-        let settings = FitSettings { leaves, effort: 0.06, basis: Basis::Sh1, ..FitSettings::default() };
+        let settings = FitSettings { leaves, effort: 0.04, basis: Basis::Sh1, ..FitSettings::default() };
         let fitted = fit_folder(&folder, &settings);
         (fitted.report.held_out.unwrap().psnr_db, fitted.field)
     };

@@ -39,20 +39,19 @@ fn parts(field: &PlenOctree) -> (&[f32], Vec<u16>) {
 #[test]
 fn pictures_with_opacity_are_fitted() {
     let folder = photographed("opacity", 32);
-    let fits: Vec<Fitted> = [1, 3]
-        .map(|threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| fit_folder(&folder, &quick()))
-        })
-        .into();
-    let held_out = fits[0].report.held_out.as_ref().unwrap();
-    assert_eq!((held_out.views.len(), fits[0].report.views), (4, 28));
+    let Fitted { field, report, .. } = fit_folder(&folder, &quick());
+    let held_out = report.held_out.as_ref().unwrap();
+    assert_eq!((held_out.views.len(), report.views), (4, 28));
     assert!(held_out.psnr_db > 23.5, "{held_out:?}");
-    assert!(fits[0].report.suspicious.is_empty(), "{:?}", fits[0].report.suspicious);
-    let (low, high) = fits[0].field.dense_bounds().unwrap();
+    assert!(report.suspicious.is_empty(), "{:?}", report.suspicious);
+    let (low, high) = field.dense_bounds().unwrap();
     assert!((low - DVec3::new(-0.6, -0.6, -0.8)).abs().max_element() < 0.15, "{low}");
     assert!((high - DVec3::new(0.8, 0.6, 0.8)).abs().max_element() < 0.15, "{high}");
-    assert_eq!(parts(&fits[0].field), parts(&fits[1].field));
+    let [one, three] = [1, 3].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| fit_folder(&folder, &FitSettings { effort: 0.02, ..quick() }).field)
+    });
+    assert_eq!(parts(&one), parts(&three));
 }
 
 /// The unit of lengths does not matter: pictures give the same result in meters and in millimeters.
@@ -134,17 +133,16 @@ fn shared_masks_hide_what_is_not_known() {
 
     // The mask does not make photographs know their opacity.
     let folder = photographed_with_mask("shared_mask_opaque", Some(|_, _| DVec3::new(0.7, 0.75, 0.8)));
-    let settings = FitSettings { depth: Some(7), effort: 0.08, ..quick() };
-    let report = fit_folder(&folder, &settings).report;
+    let report = fit_folder(&folder, &FitSettings { effort: 0.05, ..quick() }).report;
     assert!(report.gains.is_some());
-    assert!(report.held_out.as_ref().unwrap().aligned_psnr_db > 22.0, "{:?}", report.held_out);
+    assert!(report.held_out.as_ref().unwrap().aligned_psnr_db > 20.0, "{:?}", report.held_out);
 }
 
 /// Exposures are learned, even if there are more pixels than rays.
 #[test]
 fn exposures_of_large_pictures_are_learned() {
     let folder = folder("large");
-    let cameras: Vec<_> = cameras(32).iter().map(|camera| camera.resized(200, 200)).collect();
+    let cameras: Vec<_> = cameras(32).iter().map(|camera| camera.resized(130, 130)).collect();
     let gain = |index: usize| if index % 2 == 1 { 0.8 } else { 1.0 };
     write_pictures(&folder, &cameras, Some(|_, _| DVec3::new(0.7, 0.75, 0.8)), gain);
     write_transforms(&folder, &cameras);
@@ -239,7 +237,7 @@ fn wrong_poses_are_reported() {
 fn wrong_poses_of_photographs_are_reported() {
     let folder = folder("wrong_photographs");
     let mut cameras: Vec<_> = cameras(64).into_iter().filter(|camera| camera.position.z > 0.4).collect();
-    cameras.iter_mut().for_each(|camera| *camera = camera.resized(120, 120));
+    cameras.iter_mut().for_each(|camera| *camera = camera.resized(80, 80));
     write_pictures(&folder, &cameras, Some(table), |_| 1.0);
     cameras.swap(10, 21);
     write_transforms(&folder, &cameras);
@@ -267,7 +265,7 @@ fn a_stopped_fit_returns_a_field() {
     let folder = photographed("stopped", 16);
     let input = FitInput::read(&folder, &InputFolders::default()).unwrap();
     let checkpoint = folder.join("checkpoint");
-    let settings = FitSettings { effort: 100.0, checkpoint: Some(checkpoint.clone()), ..quick() };
+    let settings = FitSettings { effort: 20.0, checkpoint: Some(checkpoint.clone()), ..quick() };
     let fitted = stopped(&input, &settings);
     assert!(fitted.report.stopped && fitted.report.stages.len() == 1 && fitted.field.leaves() > 100);
 
@@ -294,7 +292,7 @@ fn a_stopped_fit_returns_a_field() {
 fn a_stopped_fit_without_a_checkpoint_returns_a_field() {
     let folder = photographed("unsaved", 16);
     let input = FitInput::read(&folder, &InputFolders::default()).unwrap();
-    let settings = FitSettings { effort: 100.0, checkpoint: Some(folder.join("none/checkpoint")), ..quick() };
+    let settings = FitSettings { effort: 20.0, checkpoint: Some(folder.join("none/checkpoint")), ..quick() };
     let fitted = stopped(&input, &settings);
     assert!(fitted.field.leaves() > 100);
     assert!(fitted.report.unsaved.unwrap().contains("none/checkpoint"));
@@ -319,7 +317,8 @@ fn damaged_pictures_do_not_cost_what_was_trained() {
     let folder = photographed("held_out", 32);
     let input = FitInput::read(&folder, &InputFolders::default()).unwrap();
     let checkpoint = folder.join("checkpoint");
-    let settings = FitSettings { hold_out: Some(2), checkpoint: Some(checkpoint.clone()), resume: true, ..quick() };
+    let short = FitSettings { effort: 0.05, ..quick() };
+    let settings = FitSettings { hold_out: Some(2), checkpoint: Some(checkpoint.clone()), resume: true, ..short };
     let picture = folder.join("v_2.png");
     let intact = std::fs::read(&picture).unwrap();
 
@@ -359,7 +358,7 @@ fn fields_stand_on_the_origin() {
         camera.position = tilt * camera.position + DVec3::new(5.0, 6.0, 7.0);
     }
     write_transforms(&folder, &tilted);
-    let fitted = fit_folder(&folder, &FitSettings { stand: true, keep_largest: true, ..quick() });
+    let fitted = fit_folder(&folder, &FitSettings { stand: true, keep_largest: true, effort: 0.06, ..quick() });
     let (low, high) = fitted.field.dense_bounds().unwrap();
     assert!(low.z.abs() < 1e-6 && (low + high).truncate().length() < 1e-6, "{low} {high}");
     assert!((high.z - 1.6).abs() < 0.3, "the post is 1.6 high: {high}");
@@ -384,7 +383,8 @@ fn boxes_turn_with_the_field() {
     write_transforms(&folder, &cameras);
     // The upper half of the post: up is -y here.
     let post = Some((DVec3::new(5.5, 5.0, 6.8), DVec3::new(6.0, 6.0, 7.2)));
-    for settings in [FitSettings { crop: post, ..quick() }, FitSettings { bounds: post, ..quick() }] {
+    let short = FitSettings { effort: 0.05, ..quick() };
+    for settings in [FitSettings { crop: post, ..short.clone() }, FitSettings { bounds: post, ..short }] {
         let standing = fit_folder(&folder, &FitSettings { stand: true, ..settings.clone() });
         let (low, high) = standing.field.dense_bounds().unwrap();
         // The edge of the ball is in the box, too.

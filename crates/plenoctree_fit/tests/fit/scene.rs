@@ -1,11 +1,13 @@
 //! A small scene, photographed from around it, in the formats that inputs have.
 
 use std::{
+    collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
+    sync::{LazyLock, Mutex},
 };
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3, DVec4};
 use image::{DynamicImage, Rgba, RgbaImage};
 use plenoctree::{BakeSettings, Basis, PlenOctree, bake, camera::PinholeCamera, reference::render};
 
@@ -48,24 +50,23 @@ pub fn cameras(count: usize) -> Vec<PinholeCamera> {
 /// The color behind the object, on a ray from an origin in a direction.
 pub type Background = fn(DVec3, DVec3) -> DVec3;
 
-/// Photographs the field. With a `background`, pictures are opaque.
-pub fn photograph(
-    field: &PlenOctree,
-    camera: &PinholeCamera,
-    background: Option<Background>,
-    gain: f64,
-) -> DynamicImage {
-    // Several rays per pixel, averaged with premultiplied colors.
+/// Returns what a camera sees of a field: the mean color and opacity of several rays per pixel, premultiplied.
+fn seen(field: &PlenOctree, camera: &PinholeCamera) -> Vec<DVec4> {
     const FINER: u32 = 3;
     let rendering = render(field, &camera.resized(FINER * camera.width, FINER * camera.height));
-    let mut image = RgbaImage::new(camera.width, camera.height);
-    for (x, y, pixel) in image.enumerate_pixels_mut() {
-        let (mut color, mut opacity) = (DVec3::ZERO, 0.0);
-        for (dx, dy) in (0..FINER).flat_map(|dy| (0..FINER).map(move |dx| (dx, dy))) {
-            let index = (y * FINER + dy) as usize * rendering.width + (x * FINER + dx) as usize;
-            color += rendering.color[index] / f64::from(FINER * FINER);
-            opacity += rendering.opacity[index] / f64::from(FINER * FINER);
-        }
+    let mut pixels = vec![DVec4::ZERO; (camera.width * camera.height) as usize];
+    for (index, (color, opacity)) in rendering.color.iter().zip(&rendering.opacity).enumerate() {
+        let (x, y) = (index % rendering.width / FINER as usize, index / rendering.width / FINER as usize);
+        pixels[y * camera.width as usize + x] += color.extend(*opacity) / f64::from(FINER * FINER);
+    }
+    pixels
+}
+
+/// Makes a picture of what a camera sees. With a `background`, it is opaque.
+fn picture(seen: &[DVec4], camera: &PinholeCamera, background: Option<Background>, gain: f64) -> DynamicImage {
+    let image = RgbaImage::from_fn(camera.width, camera.height, |x, y| {
+        let seen = seen[(y * camera.width + x) as usize];
+        let (color, opacity) = (seen.truncate(), seen.w);
         let byte = |x: f64| (255.0 * x.clamp(0.0, 1.0)).round() as u8;
         let (color, opacity) = match background {
             Some(background) => {
@@ -74,35 +75,36 @@ pub fn photograph(
             }
             None => (gain * color / opacity.max(1e-6), opacity),
         };
-        *pixel = Rgba([byte(color.x), byte(color.y), byte(color.z), byte(opacity)]);
-    }
+        Rgba([byte(color.x), byte(color.y), byte(color.z), byte(opacity)])
+    });
     match background {
         Some(_) => DynamicImage::from(image).into_rgb8().into(),
         None => image.into(),
     }
 }
 
-/// Writes pictures named `v_0.png` and so on.
+/// Writes pictures of [`field`] named `v_0.png` and so on.
 pub fn write_pictures(
     folder: &Path,
     cameras: &[PinholeCamera],
     background: Option<Background>,
     gain: impl Fn(usize) -> f64,
 ) {
-    write_pictures_of(&field(), folder, cameras, background, gain);
-}
-
-/// The same, of another field.
-pub fn write_pictures_of(
-    field: &PlenOctree,
-    folder: &Path,
-    cameras: &[PinholeCamera],
-    background: Option<Background>,
-    gain: impl Fn(usize) -> f64,
-) {
+    /// What cameras see of it: most tests photograph it from the same places.
+    static SEEN: Mutex<BTreeMap<String, Vec<DVec4>>> = Mutex::new(BTreeMap::new());
+    static FIELD: LazyLock<PlenOctree> = LazyLock::new(field);
     fs::create_dir_all(folder).unwrap();
     for (index, camera) in cameras.iter().enumerate() {
-        photograph(field, camera, background, gain(index)).save(folder.join(format!("v_{index}.png"))).unwrap();
+        let mut all = SEEN.lock().unwrap();
+        let seen = all.entry(format!("{camera:?}")).or_insert_with(|| seen(&FIELD, camera));
+        picture(seen, camera, background, gain(index)).save(folder.join(format!("v_{index}.png"))).unwrap();
+    }
+}
+
+/// Writes pictures with opacity of another field.
+pub fn write_pictures_of(field: &PlenOctree, folder: &Path, cameras: &[PinholeCamera]) {
+    for (index, camera) in cameras.iter().enumerate() {
+        picture(&seen(field, camera), camera, None, 1.0).save(folder.join(format!("v_{index}.png"))).unwrap();
     }
 }
 
