@@ -51,7 +51,7 @@ pub enum PackError {
 /// A typical difference between the color of a leaf and the color behind it.
 const CONTRAST: f32 = 0.16;
 /// The opacity that rays side by side may lose with the leaves that are dropped, on average.
-const MOST_LOST: f64 = 0.02;
+const MOST_LOST: f64 = 0.05;
 
 /// A packed field: the content of a `.plenoctree` file.
 #[derive(Clone, Debug)]

@@ -24,7 +24,7 @@ use crate::{
 )]
 pub struct PackSettings {
     /// Opacity, 0 to 1, that a leaf must add to a ray from outside to be kept. While the leaves that are dropped would
-    /// add more than 0.02 to rays side by side, as in a fog, a quarter of it is used instead. 0 keeps all leaves, for
+    /// add more than 0.05 to rays side by side, as in a fog, a quarter of it is used instead. 0 keeps all leaves, for
     /// fields that are also seen from inside.
     pub hidden: f32,
     /// Weight of views from below the horizon, relative to others. 0 to 1.

@@ -217,7 +217,7 @@ fn fogs_and_wisps_are_kept() {
     let solid = |at: DVec3| if at.length() < 0.3 { 1000.0 } else { 0.0 };
     let fog = bake(&|at| if at.length() < 0.9 { 0.05 } else { 0.0 });
     let wisp = bake(&|at| {
-        if DVec2::new(at.x, at.y).length() < 0.3 && at.z > 0.4 { 0.07 } else { solid(at) }
+        if DVec2::new(at.x, at.y).length() < 0.45 && at.z > 0.4 { 0.1 } else { solid(at) }
     });
     let veil = bake(&|at| if at.length() < 0.9 { 0.05 + solid(at) } else { 0.0 });
     for (name, field, origin) in [
