@@ -16,6 +16,7 @@ mod stand;
 mod suspects;
 mod to_field;
 mod train;
+mod turned_box;
 
 pub use error::FitError;
 pub use input::{Distortion, FitInput, InputFolders, Lens, Picture, View, ViewCamera};

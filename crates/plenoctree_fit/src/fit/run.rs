@@ -20,13 +20,14 @@ use super::{
     report::{FitReport, HeldOut, Seconds, StageReport, ViewReport},
     scene,
     settings::FitSettings,
-    stand::{self, TurnedBox},
+    stand,
     suspects::suspicious,
     to_field::{cropped, largest_part, to_field},
     train::{
         Limit, Model, Position, Schedule, StageTime, TrainView, backdrop::Backdrop, gallery::Gallery, split, train,
         visibility, visibility::Limits,
     },
+    turned_box::TurnedBox,
 };
 
 /// Maximum number of held-out views that are kept as previews.

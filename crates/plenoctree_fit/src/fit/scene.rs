@@ -7,8 +7,8 @@ use super::{
     error::FitError,
     grid::{Cube, Grid, Voxel, VoxelSet},
     input::{Picture, ViewCamera},
-    stand::TurnedBox,
     train::{TrainView, gallery::Gallery},
+    turned_box::TurnedBox,
 };
 
 /// Voxels per side of the grid in which the scene is searched for.

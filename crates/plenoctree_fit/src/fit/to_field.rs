@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::{
     error::FitError,
     grid::{Grid, NO_VOXEL, Voxel, VoxelSet},
-    stand::TurnedBox,
+    turned_box::TurnedBox,
 };
 use crate::{
     cells::{BLOCK, Cells, Tree, price},
