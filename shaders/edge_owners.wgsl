@@ -162,7 +162,7 @@ fn estimate(
     }
     for (var ray = 0u; ray < RAYS; ray++) {
         let sample = sample_of(ray, #{SAMPLES}u);
-        let is_covered = (covered >> ray & 1u) == 1u;
+        let is_covered = ((covered >> ray) & 1u) == 1u;
         let is_hidden = is_covered && is_solid(solid) && scene_depth_at(vec2<u32>(pixel), sample) > solid;
         shown &= ~select(0u, 1u << ray, is_hidden);
         kept |= select(0u, 1u << sample, is_hidden);
@@ -175,7 +175,7 @@ fn estimate(
         // The opacities of the rays that are not covered, and their number.
         var thin = vec2(0.0);
         for (var ray = 0u; ray < RAYS; ray++) {
-            let is_covered = (covered >> ray & 1u) == 1u;
+            let is_covered = ((covered >> ray) & 1u) == 1u;
             thin += select(vec2(opacity_at(around, ray_offset(ray)), 1.0), vec2(0.0), is_covered);
         }
         let center = textureLoad(layer, pixel, 0);
