@@ -274,7 +274,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     var own_parts = vec4(0.0);
     var of_behind = f32(parts.rest);
     var of_center = 0.0;
-    // Without rays, there is no color to find a label for. See `estimate.wgsl`.
+    // Without rays, there is no color to find a label for. See `estimate` of `edge_owners.wgsl`.
     if parts.own > 0u {
         let rays = own * f32(RAYS) / f32(countOneBits(bits.r));
         var seen = at_center;

@@ -63,7 +63,7 @@ pub(in crate::render) enum Slot {
     /// The same, smoothed. See `smooth_light.wgsl`.
     SmoothLight,
     /// The composite before and after each iteration of the filter. See `filter_texel.wgsl`. Before that, where rays of
-    /// edges reach the owner of the pixel: eight half floats. See `coverage.wgsl`.
+    /// edges reach the owner of the pixel: eight half floats, in the order of batches. See `coverage.wgsl`.
     Even,
     /// The composite halfway through an iteration.
     Odd,
