@@ -15,8 +15,9 @@ struct Field {
     density_rows: u32,
     coefficient_rows: u32,
     codebook_rows: u32,
-    // For packed fields: the first texel of the rows of differences, the step of colors, and the value of the largest
-    // coefficient of a row.
+    // For packed fields: the first texels of the rows of luma and of differences in the codebook, the step of colors, and
+    // the value of the largest coefficient of a row.
+    luma: u32,
     chroma: u32,
     color_step: f32,
     table_scale: f32,
@@ -27,7 +28,11 @@ struct Field {
 #ifdef INNER_RECORDS
 @group(1) @binding(2) var records: texture_2d_array<u32>;
 #endif
+// The density of every leaf or, with a CODEBOOK, its index among those with which the codebook begins.
 @group(1) @binding(3) var densities: texture_2d_array<u32>;
+#ifdef CODEBOOK
+@group(1) @binding(5) var codebook: texture_2d_array<u32>;
+#endif
 
 // Returns the column, the row and the layer of an element of an array.
 fn place(index: u32, rows: u32) -> vec3<u32> {
@@ -215,17 +220,14 @@ fn next_leaf(ray: Ray, walk: ptr<function, Walk>, end: f32) -> Crossing {
     return crossing;
 }
 
-fn density_word(index: u32) -> u32 {
-    let at = place(index, field.density_rows);
-    return textureLoad(densities, at.xy, at.z, 0).x;
-}
-
 fn density(leaf: u32) -> f32 {
-#ifdef HALF_DENSITIES
-    let pair = unpack2x16float(density_word(leaf >> 1u));
-    return select(pair.x, pair.y, (leaf & 1u) != 0u);
+    let at = place(leaf, field.density_rows);
+    let found = textureLoad(densities, at.xy, at.z, 0).x;
+#ifdef CODEBOOK
+    let pair = textureLoad(codebook, vec2(found >> 1u, 0u), 0, 0).xy;
+    return bitcast<f32>(select(pair.x, pair.y, (found & 1u) != 0u));
 #else
-    return bitcast<f32>(density_word(leaf));
+    return bitcast<f32>(found);
 #endif
 }
 

@@ -4,12 +4,12 @@
 #define_import_path bevy_plenoctree::radiance
 
 #import bevy_plenoctree::constants::HARMONICS
+#ifdef CODEBOOK
+#import bevy_plenoctree::octree::codebook
+#endif
 #import bevy_plenoctree::octree::{field, place}
 
 @group(1) @binding(4) var coefficients: texture_2d_array<u32>;
-#ifdef CODEBOOK
-@group(1) @binding(5) var codebook: texture_2d_array<u32>;
-#endif
 
 fn coefficient_texel(index: u32) -> vec4<u32> {
     let at = place(index, field.coefficient_rows);
@@ -101,7 +101,7 @@ fn sums(index: u32, h: ptr<function, Harmonics>) -> vec3<f32> {
     let steps = vec3((color << 20u) >> 20u, (color << 10u) >> 22u, color >> 22u);
     var yuv = (*h).y[0] * field.color_step * vec3<f32>(steps);
 #ifdef DEGREE_1
-    let luma = (leaf.y & 0xffffu) * #{TEXELS}u;
+    let luma = field.luma + (leaf.y & 0xffffu) * #{TEXELS}u;
     let chroma = field.chroma + (leaf.y >> 16u) * 2u * #{TEXELS}u;
     yuv += field.table_scale * vec3(others(luma, h), others(chroma, h), others(chroma + #{TEXELS}u, h));
 #endif

@@ -12,8 +12,10 @@ use plenoctree::Activation;
 
 use super::payload::Payload;
 
-/// The format of densities: one in each word, or two half floats if the field is packed.
+/// The format of densities that are not packed.
 pub(super) const DENSITIES: TextureFormat = TextureFormat::R32Uint;
+/// The format of the densities of packed fields: indices of those with which the codebook begins.
+pub(super) const PACKED_DENSITIES: TextureFormat = TextureFormat::R8Uint;
 /// The format of records, and of coefficients that are not packed.
 pub(super) const WORDS: TextureFormat = TextureFormat::Rgba32Uint;
 /// The format of the leaves of packed fields, and of their codebook.
@@ -55,6 +57,7 @@ pub(super) struct FieldUniform {
     pub density_rows: u32,
     pub coefficient_rows: u32,
     pub codebook_rows: u32,
+    pub luma: u32,
     pub chroma: u32,
     pub color_step: f32,
     pub table_scale: f32,
@@ -74,7 +77,7 @@ pub(crate) fn field_layout() -> BindGroupLayoutDescriptor {
 impl TreeShape {
     /// Returns the shader definitions for `octree.wgsl`.
     pub fn definitions(self) -> impl Iterator<Item = ShaderDefVal> {
-        let names = [(self.inner_records, "INNER_RECORDS"), (self.has_codebook, "HALF_DENSITIES")];
+        let names = [(self.inner_records, "INNER_RECORDS"), (self.has_codebook, "CODEBOOK")];
         names.into_iter().filter(|(holds, _)| *holds).map(|(_, name)| name.into())
     }
 }

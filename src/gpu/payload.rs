@@ -31,10 +31,11 @@ impl Payload {
         if self.has_codebook { self.words().div_ceil(2) } else { (3 * self.words()).div_ceil(4) }
     }
 
-    /// Returns the number of texels of all rows of a codebook of luma, and of one of differences.
-    pub fn texels_of_rows(self, codebook: Codebook) -> [usize; 2] {
+    /// Returns the numbers of texels of a codebook's densities, rows of luma and rows of differences.
+    pub fn texels_of_codebook(self, densities: &[f32], codebook: Codebook) -> [usize; 3] {
         let others = (self.basis.functions() - 1).max(1);
-        [codebook.luma, codebook.chroma].map(|table| table.len() / others * self.texels())
+        let [luma, chroma] = [codebook.luma, codebook.chroma].map(|table| table.len() / others * self.texels());
+        [densities.len().div_ceil(2), luma, chroma]
     }
 
     /// Packs the coefficients of several leaves, one leaf after another. There is no codebook.
@@ -51,8 +52,10 @@ impl Payload {
         words
     }
 
-    /// Packs the rows of luma and then those of differences, one part of a row after another.
-    pub fn pack_rows(self, codebook: Codebook) -> Vec<[u32; 2]> {
+    /// Packs the densities that leaves share, then the rows of luma and those of differences, one part of a row after
+    /// another.
+    pub fn pack_codebook(self, densities: &[f32], codebook: Codebook) -> Vec<[u32; 2]> {
+        let pair = |pair: &[f32]| [pair[0].to_bits(), pair.get(1).map_or(0, |density| density.to_bits())];
         let others = (self.basis.functions() - 1).max(1);
         let parts = [codebook.luma, codebook.chroma].into_iter().flat_map(|table| table.chunks_exact(others));
         let texels = |part: &[i8]| -> Vec<[u32; 2]> {
@@ -62,13 +65,7 @@ impl Payload {
             };
             (0..self.texels()).map(|texel| [word(8 * texel), word(8 * texel + 4)]).collect()
         };
-        parts.flat_map(texels).collect()
-    }
-
-    /// Packs densities of a packed field, which are numbers that half floats hold: two in a word.
-    pub fn pack_densities(densities: &[f32]) -> Vec<u32> {
-        let half = |density: &f32| f16::from_f32(*density);
-        densities.chunks(2).map(|pair| halves(half(&pair[0]), pair.get(1).map_or(f16::ZERO, half))).collect()
+        densities.chunks(2).map(pair).chain(parts.flat_map(texels)).collect()
     }
 
     /// Packs some leaves of a packed field, each in two words: its color, and its rows.

@@ -102,7 +102,6 @@ pub(crate) fn field_definitions(shape: FieldShape) -> Vec<ShaderDefVal> {
             definitions.push(name.into());
         }
     };
-    define("CODEBOOK", payload.has_codebook);
     define("RGBA", payload.basis == Basis::Rgba);
     for (degree, name) in ["DEGREE_1", "DEGREE_2", "DEGREE_3", "DEGREE_4"].into_iter().enumerate() {
         define(name, payload.basis.functions() > (degree + 1) * (degree + 1));

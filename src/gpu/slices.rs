@@ -121,13 +121,13 @@ impl Upload {
                 break;
             }
             bytes += slice.bytes.len();
-            next.push((slice.texture, slice.bytes.clone()));
+            next.push(slice.bytes.clone());
         }
         if next.is_empty() {
             return;
         }
         let data = self.data.clone();
-        let pack = move || next.into_iter().map(|(texture, bytes)| data.pack(texture, bytes)).collect::<Vec<_>>();
+        let pack = move || next.into_iter().map(|bytes| data.pack(bytes)).collect::<Vec<_>>();
         if bytes <= PACKED_AT_ONCE {
             self.packed.extend(pack());
         } else {

@@ -16,7 +16,7 @@ use plenoctree::{Codebook, PlenOctree};
 use super::{
     buffers::buffer_with,
     errors::DriverErrors,
-    layout::{DENSITIES, FieldShape, FieldUniform, PACKED_WORDS, WORDS, field_layout},
+    layout::{DENSITIES, FieldShape, FieldUniform, PACKED_DENSITIES, PACKED_WORDS, WORDS, field_layout},
     payload::Payload,
     records::Records,
     textures::{self, Grid, Layers},
@@ -36,7 +36,7 @@ pub struct FieldTooLarge {
     /// The size of that part, in bytes.
     pub bytes: u64,
     /// The maximum size that the device allows, in bytes: that of a texture with four words per texel (one word for
-    /// densities, and two for the leaves and the codebook of packed fields), whose height is
+    /// densities, and for packed fields a byte for densities, and two words for leaves and the codebook), whose height is
     /// `max_texture_dimension_2d`, and whose width is the same but at most 8192. `None` if the driver ran out of memory
     /// or rejected a texture: drivers do not report how much is left. The log then contains the driver's message.
     pub limit: Option<u64>,
@@ -72,12 +72,8 @@ pub(super) fn arrays(field: &PlenOctree) -> [Array; 3] {
     match field.codebook() {
         None => [("densities", 4 * leaves, 4), ("coefficients", 16 * texels * leaves, 16), ("codebook", 0, 16)],
         Some(codebook) => {
-            let rows: usize = payload.texels_of_rows(codebook).into_iter().sum();
-            [
-                ("densities", 4 * leaves.div_ceil(2), 4),
-                ("coefficients", 8 * leaves, 8),
-                ("codebook", 8 * rows.max(1) as u64, 8),
-            ]
+            let texels: usize = payload.texels_of_codebook(field.densities().values(), codebook).into_iter().sum();
+            [("densities", leaves, 1), ("coefficients", 8 * leaves, 8), ("codebook", 8 * texels.max(1) as u64, 8)]
         }
     }
 }
@@ -112,16 +108,17 @@ fn check_arrays(field: &PlenOctree, children: u64, limits: &wgpu::Limits) -> Res
 pub(super) struct LevelData {
     pub field: PlenOctree,
     pub records: Records,
-    /// The rows of a packed field's codebook.
-    rows: Option<Vec<[u32; 2]>>,
+    /// The codebook of a packed field.
+    codebook: Option<Vec<[u32; 2]>>,
 }
 
 impl LevelData {
     /// Creates the records of `field`. Visits every leaf, which takes a moment for a large field.
     pub fn new(field: PlenOctree) -> Self {
         let records = Records::new(&field, table_allowance(&field));
-        let rows = field.codebook().map(|codebook| Payload::of(&field).pack_rows(codebook));
-        Self { field, records, rows }
+        let densities = field.densities().values();
+        let codebook = field.codebook().map(|codebook| Payload::of(&field).pack_codebook(densities, codebook));
+        Self { field, records, codebook }
     }
 
     /// Returns whether creating the records and packing the leaves takes little time: 2 ms if leaves are scattered.
@@ -131,25 +128,26 @@ impl LevelData {
 
     /// Returns the contents of a texture that is copied as it is, or `None` if they must be packed.
     pub fn plain(&self, texture: usize) -> Option<&[u8]> {
-        match (texture, &self.rows) {
+        match (texture, &self.codebook) {
             (0, _) => Some(bytemuck::cast_slice(&self.records.table)),
             (1, _) => Some(bytemuck::cast_slice(&self.records.children)),
-            (2, None) => Some(bytemuck::cast_slice(self.field.densities())),
-            (4, Some(rows)) => Some(bytemuck::cast_slice(rows)),
+            (2, _) => {
+                let densities = self.field.densities();
+                Some(densities.levels().unwrap_or(bytemuck::cast_slice(densities.values())))
+            }
+            (4, Some(codebook)) => Some(bytemuck::cast_slice(codebook)),
             _ => None,
         }
     }
 
-    /// Packs a range of bytes of a texture of leaves that is not copied as it is: of the coefficients or, with a
-    /// codebook, also of the densities. Bytes beyond the last leaf are 0.
-    pub fn pack(&self, texture: usize, bytes: Range<usize>) -> Vec<u32> {
+    /// Packs a range of bytes of the coefficients. Bytes beyond the last leaf are 0.
+    pub fn pack(&self, bytes: Range<usize>) -> Vec<u32> {
         // The leaves of which bytes are in the range, if each has this many.
         let leaves = |size: usize| {
             let [first, end] = [bytes.start / size, bytes.end.div_ceil(size)].map(|leaf| leaf.min(self.field.leaves()));
             first..end
         };
         let mut words = match self.field.codebook() {
-            Some(_) if texture == 2 => Payload::pack_densities(&self.field.densities()[leaves(2)]),
             Some(codebook) => Payload::pack_leaves(codebook, leaves(8)),
             None => {
                 let (payload, width) = (Payload::of(&self.field), self.field.basis().coefficients());
@@ -168,9 +166,9 @@ impl LevelData {
 
 impl Drop for LevelData {
     fn drop(&mut self) {
-        let (records, rows) = (std::mem::take(&mut self.records), self.rows.take());
+        let (records, codebook) = (std::mem::take(&mut self.records), self.codebook.take());
         let bytes = 16 * (records.table.len() + records.children.len()) as u64 + field_bytes(&self.field);
-        background::discard((self.field.clone(), records, rows), bytes);
+        background::discard((self.field.clone(), records, codebook), bytes);
     }
 }
 
@@ -182,7 +180,9 @@ pub(super) fn field_bytes(field: &PlenOctree) -> u64 {
             size_of_val(colors) + size_of_val(rows) + size_of_val(luma) + size_of_val(chroma)
         }
     };
-    (32 * field.nodes().len() + 4 * field.leaves() + coefficients) as u64
+    let densities = field.densities();
+    let densities = size_of_val(densities.values()) + densities.levels().map_or(0, size_of_val);
+    (32 * field.nodes().len() + densities + coefficients) as u64
 }
 
 /// A system parameter that uploads fields to GPU memory.
@@ -216,6 +216,8 @@ impl Uploader<'_> {
             codebook,
         ];
         let codebook = field.codebook();
+        let [shared, rows, _] =
+            codebook.map_or([0; 3], |codebook| payload.texels_of_codebook(field.densities().values(), codebook));
         let uniform = FieldUniform {
             depth: records.depth,
             table_level: records.table_level,
@@ -224,16 +226,18 @@ impl Uploader<'_> {
             density_rows: layers[2].rows_log2(),
             coefficient_rows: layers[3].rows_log2(),
             codebook_rows: layers[4].rows_log2(),
-            chroma: codebook.map_or(0, |codebook| payload.texels_of_rows(codebook)[0] as u32),
+            luma: shared as u32,
+            chroma: (shared + rows) as u32,
             color_step: codebook.map_or(0.0, |codebook| codebook.color_step),
             table_scale: codebook.map_or(0.0, |codebook| 127.0 * codebook.table_step),
         };
         let uniform = buffer_with(device, queue, "plenoctree_field", BufferUsages::UNIFORM, &uniform);
-        let of_leaves = if codebook.is_some() { PACKED_WORDS } else { WORDS };
+        let (of_densities, of_leaves) =
+            if codebook.is_some() { (PACKED_DENSITIES, PACKED_WORDS) } else { (DENSITIES, WORDS) };
         let mut textures = vec![
             layers[0].texture(device, "plenoctree_table", WORDS),
             layers[1].texture(device, "plenoctree_records", WORDS),
-            layers[2].texture(device, "plenoctree_densities", DENSITIES),
+            layers[2].texture(device, "plenoctree_densities", of_densities),
             layers[3].texture(device, "plenoctree_coefficients", of_leaves),
         ];
         if codebook.is_some() {
@@ -274,7 +278,6 @@ pub(super) type Textures = Vec<(Texture, Layers)>;
 
 #[cfg(test)]
 mod tests {
-    use half::f16;
     use plenoctree::{BakeSettings, Basis, PackSettings, Packed, bake, sampling::Progress};
 
     use super::*;
@@ -291,21 +294,19 @@ mod tests {
             let data = LevelData::new(packed.field().clone());
             let (leaves, codebook) = (data.field.leaves(), data.field.codebook().unwrap());
             assert!(8 * leaves > 4 * SLICE);
-            let slices = |texture: usize, size: usize| -> Vec<u32> {
-                let starts = (0..size * leaves + SLICE).step_by(SLICE);
-                starts.flat_map(|start| data.pack(texture, start..start + SLICE)).collect()
-            };
-            let densities: Vec<u32> = slices(2, 2).into_iter().flat_map(|pair| [pair & 0xffff, pair >> 16]).collect();
-            let expected = data.field.densities().iter().map(|density| u32::from(f16::from_f32(*density).to_bits()));
-            assert!(densities.iter().copied().take(leaves).eq(expected), "{basis:?}");
-            let words = slices(3, 8);
+            // Shaders find the density of a leaf in the codebook, by its byte.
+            let shared: &[f32] = bytemuck::cast_slice(data.plain(4).unwrap());
+            let densities = data.plain(2).unwrap().iter().map(|level| &shared[usize::from(*level)]);
+            assert!(densities.eq(data.field.densities().iter()), "{basis:?}");
+            let starts = (0..8 * leaves + SLICE).step_by(SLICE);
+            let words: Vec<u32> = starts.flat_map(|start| data.pack(start..start + SLICE)).collect();
             let expected = codebook.colors.iter().enumerate().flat_map(|(leaf, color)| {
                 let [y, u, v] = color.map(|number| number as u32);
                 let [luma, chroma] = codebook.rows.get(leaf).map_or([0; 2], |rows| rows.map(u32::from));
                 [(y & 0xfff) | (u & 0x3ff) << 12 | v << 22, luma | chroma << 16]
             });
             assert!(words.iter().copied().take(2 * leaves).eq(expected), "{basis:?}");
-            assert!(densities[leaves..].iter().chain(&words[2 * leaves..]).all(|word| *word == 0), "{basis:?}");
+            assert!(words[2 * leaves..].iter().all(|word| *word == 0), "{basis:?}");
         }
     }
 }

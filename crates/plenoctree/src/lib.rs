@@ -56,7 +56,9 @@ pub mod srgb;
 
 #[cfg(feature = "bake")]
 pub use bake::{BakeError, BakeSettings, bake};
-pub use field::{Activation, Basis, Cell, Codebook, Frame, InvalidField, LeafCell, MAX_DEPTH, PlenOctree, UpAxis};
+pub use field::{
+    Activation, Basis, Cell, Codebook, Densities, Frame, InvalidField, LeafCell, MAX_DEPTH, PlenOctree, UpAxis,
+};
 #[cfg(feature = "write")]
 pub use file::{DensityLoss, TooEven, WriteError};
 pub use file::{LoadSettings, ReadError, ReadFault};

@@ -5,6 +5,7 @@ mod activation;
 mod basis;
 mod cell;
 mod coefficients;
+mod densities;
 mod frame;
 mod octree;
 
@@ -15,5 +16,6 @@ pub use coefficients::Codebook;
 #[cfg(feature = "write")]
 pub(crate) use coefficients::from_rgb;
 pub(crate) use coefficients::{Coefficients, Tables};
+pub use densities::Densities;
 pub use frame::{Frame, UpAxis};
 pub use octree::{InvalidField, MAX_DEPTH, PlenOctree};

@@ -10,6 +10,7 @@ use super::{
     basis::Basis,
     cell::{Cell, LeafCell},
     coefficients::{Codebook, Coefficients},
+    densities::Densities,
     frame::{Frame, UpAxis},
 };
 use crate::histograms::{Histograms, Recorded, SamplingSettings};
@@ -85,7 +86,7 @@ pub struct PlenOctree {
     depth: u32,
     bounds: Option<(UVec3, UVec3)>,
     nodes: Arc<Vec<[Cell; 8]>>,
-    density: Arc<Vec<f32>>,
+    densities: Densities,
     coefficients: Coefficients,
     recorded: Option<Arc<Recorded>>,
 }
@@ -135,7 +136,7 @@ impl PlenOctree {
             return Err(InvalidField::Number { what: "the density of a leaf", positive: true });
         }
         let coefficients = Coefficients::Each(Arc::new(coefficients));
-        let mut field = Self::of_valid(frame, basis, activation, up, 0, nodes, density, coefficients);
+        let mut field = Self::of_valid(frame, basis, activation, up, 0, nodes, density.into(), coefficients);
         field.depth = field.validate()?;
         field.sort_leaves();
         field.bounds = field.leaf_bounds();
@@ -151,7 +152,7 @@ impl PlenOctree {
         up: UpAxis,
         depth: u32,
         nodes: Vec<[Cell; 8]>,
-        density: Vec<f32>,
+        densities: Densities,
         coefficients: Coefficients,
     ) -> Self {
         let mut field = Self {
@@ -162,7 +163,7 @@ impl PlenOctree {
             depth,
             bounds: None,
             nodes: Arc::new(nodes),
-            density: Arc::new(density),
+            densities,
             coefficients,
             recorded: None,
         };
@@ -174,15 +175,14 @@ impl PlenOctree {
 
     /// Returns the field with another tree, which is known to be valid: derived from this one, with its leaves in
     /// depth-first order.
-    pub(crate) fn with_tree(&self, nodes: Vec<[Cell; 8]>, density: Vec<f32>, coefficients: Coefficients) -> Self {
+    pub(crate) fn with_tree(&self, nodes: Vec<[Cell; 8]>, densities: Densities, coefficients: Coefficients) -> Self {
         let mut depth = 1;
         let mut stack = vec![(0u32, 1)];
         while let Some((node, level)) = stack.pop() {
             depth = depth.max(level);
             stack.extend(nodes[node as usize].iter().filter_map(|cell| Some((cell.as_node()?, level + 1))));
         }
-        let (nodes, density) = (Arc::new(nodes), Arc::new(density));
-        let field = Self { depth, nodes, density, coefficients, recorded: None, ..self.clone() };
+        let field = Self { depth, nodes: Arc::new(nodes), densities, coefficients, recorded: None, ..self.clone() };
         Self { bounds: field.leaf_bounds(), ..field }
     }
 
@@ -213,7 +213,7 @@ impl PlenOctree {
             return Err(InvalidField::Dangling { node: 0 });
         }
         let mut reached = vec![false; self.nodes.len()];
-        let mut leaves_reached = vec![false; self.density.len()];
+        let mut leaves_reached = vec![false; self.densities.len()];
         let mut leaves = 0;
         let mut deepest = 0;
         let mut stack = vec![(0u32, 1u32)];
@@ -241,8 +241,8 @@ impl PlenOctree {
                 }
             }
         }
-        if leaves != self.density.len() {
-            let (leaves, found) = (leaves, self.density.len());
+        if leaves != self.densities.len() {
+            let (leaves, found) = (leaves, self.densities.len());
             return Err(InvalidField::Lengths { leaves, what: "densities", found, expected: leaves });
         }
         Ok(deepest)
@@ -265,7 +265,7 @@ impl PlenOctree {
             }
         }
         self.coefficients = self.coefficients.select(self.basis, order.iter().copied());
-        self.density = Arc::new(order.iter().map(|leaf| self.density[*leaf]).collect());
+        self.densities = self.densities.select(order.into_iter());
     }
 
     /// Returns the position of the tree's cube in the field's frame.
@@ -330,7 +330,7 @@ impl PlenOctree {
 
     /// Returns the number of leaves.
     pub fn leaves(&self) -> usize {
-        self.density.len()
+        self.densities.len()
     }
 
     /// Returns all nodes, the root first.
@@ -339,8 +339,8 @@ impl PlenOctree {
     }
 
     /// Returns the density of every leaf, per world unit.
-    pub fn densities(&self) -> &[f32] {
-        &self.density
+    pub fn densities(&self) -> &Densities {
+        &self.densities
     }
 
     /// Returns the coefficients of all leaves, [`Basis::coefficients`] per leaf. If the field is packed, this creates
@@ -395,19 +395,28 @@ impl PlenOctree {
     /// of training. A leaf counts as one, whatever its size and density, so of a field with large leaves, more of the
     /// volume may be left out. Use this box to point a camera at the field.
     pub fn dense_bounds(&self) -> Option<(DVec3, DVec3)> {
+        self.bounds_of_most(|_| 1)
+    }
+
+    /// Returns the box around most of the field, in which leaves have weights. At either end of each axis, 0.5% of all
+    /// weight is left out.
+    pub(crate) fn bounds_of_most(&self, weight: impl Fn(LeafCell) -> u64) -> Option<(DVec3, DVec3)> {
         if self.leaves() == 0 {
             return None;
         }
-        // How many leaves begin, and how many end, at each coordinate.
+        // The weight of the leaves that begin, and of those that end, at each coordinate.
         let places = (1 << self.depth) + 1;
-        let mut counts = [[(); 2]; 3].map(|axis| axis.map(|()| vec![0usize; places]));
-        for LeafCell { corner, size, .. } in self.leaf_cells() {
+        let mut counts = [[(); 2]; 3].map(|axis| axis.map(|()| vec![0u64; places]));
+        let mut total = 0;
+        for cell in self.leaf_cells() {
+            let (LeafCell { corner, size, .. }, weight) = (cell, weight(cell));
+            total += weight;
             for (axis, [starts, ends]) in counts.iter_mut().enumerate() {
-                starts[corner[axis] as usize] += 1;
-                ends[(corner[axis] + size) as usize] += 1;
+                starts[corner[axis] as usize] += weight;
+                ends[(corner[axis] + size) as usize] += weight;
             }
         }
-        let left_out = self.leaves() / 200;
+        let left_out = total / 200;
         let [x, y, z] = counts.map(|[starts, ends]| {
             (
                 first_beyond(starts.into_iter().enumerate(), left_out),
@@ -523,7 +532,7 @@ impl PlenOctree {
 
 /// Returns the first place up to which there are more than `left_out`. `counts` are places, and how many there are at
 /// each.
-fn first_beyond(mut counts: impl Iterator<Item = (usize, usize)>, left_out: usize) -> f64 {
+fn first_beyond(mut counts: impl Iterator<Item = (usize, u64)>, left_out: u64) -> f64 {
     let mut sum = 0;
     let found = counts.find(|(_, count)| {
         sum += count;

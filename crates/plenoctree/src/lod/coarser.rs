@@ -48,7 +48,7 @@ impl PlenOctree {
             NewLeaf::Merged(node) => self.mean_coefficients(*node, widths.element_product().cbrt()),
         });
         let coefficients = Coefficients::Each(Arc::new(coefficients.collect()));
-        Some(self.with_tree(nodes, densities.collect(), coefficients))
+        Some(self.with_tree(nodes, densities.collect::<Vec<_>>().into(), coefficients))
     }
 
     fn leaf_coefficients(&self, leaf: u32) -> Vec<f16> {

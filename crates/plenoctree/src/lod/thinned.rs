@@ -23,7 +23,7 @@ impl PlenOctree {
         thin.copy(0, 0);
         let Thin { nodes, leaves, .. } = thin;
         let coefficients = self.stored().select(self.basis(), leaves.iter().map(|leaf| *leaf as usize));
-        let densities = leaves.iter().map(|leaf| self.densities()[*leaf as usize]).collect();
+        let densities = self.densities().select(leaves.iter().map(|leaf| *leaf as usize));
         self.with_tree(nodes, densities, coefficients)
     }
 }

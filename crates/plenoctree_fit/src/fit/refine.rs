@@ -346,7 +346,7 @@ mod tests {
         let again = to_merged_field(&grid, &vec![1e-6; grid.len()], field.leaves()).unwrap();
         assert_eq!(again.nodes(), field.nodes());
         assert_eq!(again.coefficients(), field.coefficients());
-        for (a, b) in again.densities().iter().zip(field.densities()) {
+        for (a, b) in again.densities().iter().zip(field.densities().iter()) {
             assert!((a / b - 1.0).abs() < 1e-5, "{a} {b}");
         }
         assert!((again.frame().to_world(DVec3::ONE) - DVec3::new(3.0, 6.0, 4.5)).length() < 1e-9);

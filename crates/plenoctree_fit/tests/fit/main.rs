@@ -8,7 +8,7 @@ mod scene;
 use std::{path::PathBuf, time::Duration};
 
 use glam::{DMat3, DVec3};
-use plenoctree::{Basis, PlenOctree, camera::PinholeCamera};
+use plenoctree::{Basis, Densities, PlenOctree, camera::PinholeCamera};
 use plenoctree_fit::{FitInput, FitProgress, FitSettings, Fitted, InputFolders, fit};
 use scene::{cameras, folder, write_pictures, write_transforms};
 
@@ -30,7 +30,7 @@ fn fit_folder(path: &std::path::Path, settings: &FitSettings) -> Fitted {
     fit(&input, None, settings, &FitProgress::default()).unwrap()
 }
 
-fn parts(field: &PlenOctree) -> (&[f32], Vec<u16>) {
+fn parts(field: &PlenOctree) -> (&Densities, Vec<u16>) {
     (field.densities(), field.coefficients().iter().map(|k| k.to_bits()).collect())
 }
 

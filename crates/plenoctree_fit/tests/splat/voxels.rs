@@ -268,7 +268,7 @@ fn leaves_of_many_sizes_pass_through_everything() {
     std::fs::remove_file(&path).unwrap();
     assert!(read.leaf_cells().eq(field.leaf_cells()) && read.coefficients() == field.coefficients());
     // Files store half floats.
-    assert!(read.densities().iter().zip(field.densities()).all(|(a, b)| (a / b - 1.0).abs() < 1e-3));
+    assert!(read.densities().iter().zip(field.densities().iter()).all(|(a, b)| (a / b - 1.0).abs() < 1e-3));
 
     let near = |other: &PlenOctree, least: f64| {
         for camera in cameras(60) {

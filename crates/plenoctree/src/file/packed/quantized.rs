@@ -5,7 +5,7 @@ use std::sync::Arc;
 use half::f16;
 
 use crate::{
-    field::{Activation, Basis, Cell, Coefficients, Frame, PlenOctree, Tables, UpAxis},
+    field::{Activation, Basis, Cell, Coefficients, Densities, Frame, PlenOctree, Tables, UpAxis},
     sampling::Recorded,
 };
 
@@ -18,7 +18,7 @@ pub(crate) const COLOR_RANGES: [(i16, i16); 3] = [(-2048, 2047), (-512, 511), (-
 
 /// Returns the memory of a field in bytes: densities, colors and rows per leaf, and cells per node.
 pub(crate) fn content(leaves: u64, nodes: u64) -> u64 {
-    14 * leaves + 32 * nodes
+    11 * leaves + 32 * nodes
 }
 
 /// A field whose numbers are multiples of steps, or come from tables.
@@ -50,7 +50,8 @@ impl Quantized {
             rows: Arc::new(self.rows),
             tables: Arc::new(self.tables),
         };
-        let densities = self.levels.iter().map(|level| self.densities[usize::from(*level)].to_f32()).collect();
+        let values = self.densities.iter().map(|density| density.to_f32()).collect();
+        let densities = Densities::shared(values, self.levels);
         let Self { frame, basis, activation, up, depth, nodes, recorded, .. } = self;
         PlenOctree::of_valid(frame, basis, activation, up, depth, nodes, densities, coefficients)
             .with_recorded(recorded)
