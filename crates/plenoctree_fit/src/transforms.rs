@@ -62,24 +62,29 @@ pub(crate) struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// Returns whether the focal length is in pixels, not an angle.
+    /// Returns whether a focal length is in pixels, not an angle.
     pub fn is_in_pixels(&self) -> bool {
-        self.fl_x.is_some()
+        self.fl_x.or(self.fl_y).is_some()
+    }
+
+    /// Returns which of the focal lengths are there, in pixels or as angles.
+    fn axes(&self) -> [bool; 2] {
+        [self.fl_x.or(self.camera_angle_x), self.fl_y.or(self.camera_angle_y)].map(|focal| focal.is_some())
     }
 
     pub fn or(self, other: Self) -> Self {
-        // A focal length in the frame takes precedence over an angle in the file, and vice versa.
-        let angles = if self.fl_x.is_some() { (None, None) } else { (other.camera_angle_x, other.camera_angle_y) };
-        let focals = if self.camera_angle_x.is_some() { (None, None) } else { (other.fl_x, other.fl_y) };
+        // If a frame replaces one of the file's focal lengths, the other one is that of another zoom.
+        let replaces = self.axes().into_iter().zip(other.axes()).any(|(own, others)| own && others);
+        let focal = if replaces { Self::default() } else { other };
         Self {
             w: self.w.or(other.w),
             h: self.h.or(other.h),
-            fl_x: self.fl_x.or(focals.0),
-            fl_y: self.fl_y.or(focals.1),
+            fl_x: self.fl_x.or(focal.fl_x),
+            fl_y: self.fl_y.or(focal.fl_y),
             cx: self.cx.or(other.cx),
             cy: self.cy.or(other.cy),
-            camera_angle_x: self.camera_angle_x.or(angles.0),
-            camera_angle_y: self.camera_angle_y.or(angles.1),
+            camera_angle_x: self.camera_angle_x.or(focal.camera_angle_x),
+            camera_angle_y: self.camera_angle_y.or(focal.camera_angle_y),
         }
     }
 
@@ -100,19 +105,25 @@ impl Intrinsics {
             let center = given.unwrap_or(0.5 * pixels);
             if center.abs() <= MAX_CENTER { Ok(center) } else { Err((key, center.to_string(), "-1e9 to 1e9 pixels")) }
         };
-        let x = match (self.fl_x, self.camera_angle_x) {
-            (Some(fl_x), _) => focal("fl_x", fl_x)?,
-            (None, Some(angle)) => from_angle("camera_angle_x", angle, size.x)?,
-            (None, None) => return Err(("camera_angle_x", "nothing".into(), "camera_angle_x or fl_x")),
+        let along = |[in_pixels, as_angle]: [&'static str; 2], given: Option<f64>, angle: Option<f64>, pixels| match (
+            given, angle,
+        ) {
+            (Some(given), _) => focal(in_pixels, given).map(Some),
+            (None, Some(angle)) => from_angle(as_angle, angle, pixels).map(Some),
+            (None, None) => Ok(None),
         };
-        let y = match (self.fl_y, self.camera_angle_y) {
-            (Some(fl_y), _) => focal("fl_y", fl_y)?,
-            (None, Some(angle)) => from_angle("camera_angle_y", angle, size.y)?,
-            (None, None) => x,
+        let x = along(["fl_x", "camera_angle_x"], self.fl_x, self.camera_angle_x, size.x)?;
+        let y = along(["fl_y", "camera_angle_y"], self.fl_y, self.camera_angle_y, size.y)?;
+        // Pixels are square unless both are given.
+        let Some((x, y)) = x.or(y).zip(y.or(x)) else {
+            return Err(("camera_angle_x", "nothing".into(), "camera_angle_x, fl_x, camera_angle_y or fl_y"));
         };
         Ok((DVec2::new(x, y), DVec2::new(center("cx", self.cx, size.x)?, center("cy", self.cy, size.y)?)))
     }
 }
+
+/// The camera models that pictures may have. All others distort.
+const MODELS: [&str; 6] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV_FISHEYE"];
 
 /// The camera of all frames or of one, which takes precedence.
 #[derive(Clone, Default, Deserialize)]
@@ -148,10 +159,16 @@ impl Camera {
         self.is_fisheye == Some(true) || self.camera_model.as_deref() == Some("OPENCV_FISHEYE")
     }
 
+    /// Returns the name of the camera's model if it is none of [`MODELS`].
+    pub fn unknown_model(&self) -> Option<&str> {
+        self.camera_model.as_deref().filter(|model| !MODELS.contains(model))
+    }
+
     /// Returns whether the lens distorts.
     fn distorts(&self) -> bool {
         let coefficients = [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2];
-        self.is_fisheye() || coefficients.into_iter().flatten().any(|k| k != 0.0)
+        let has_coefficients = coefficients.into_iter().flatten().any(|k| k != 0.0);
+        has_coefficients || self.is_fisheye() || self.unknown_model().is_some()
     }
 }
 
@@ -215,8 +232,9 @@ impl Transforms {
     /// `w`, `h`, `fl_x`, `fl_y`, `cx` and `cy` are read from each frame, or else from the top level of the file.
     /// Missing values have defaults:
     ///
-    /// - `fl_x` is computed from `camera_angle_x`, in radians. One of the two is required.
-    /// - `fl_y` is computed from `camera_angle_y` if present, or else equals `fl_x`.
+    /// - `fl_x` and `fl_y` are computed from `camera_angle_x` and `camera_angle_y`, in radians. One of the four is
+    ///   required, and both focal lengths are equal if only one is given. A frame that replaces one of the file's does
+    ///   not inherit the other one.
     /// - `cx` and `cy` are the middle of the image.
     /// - `w` is 800 pixels, or follows from `h` and the aspect ratio. `h` follows from `w` and the aspect ratio, which is
     ///   that of `size`, or else a square's.
@@ -342,6 +360,7 @@ mod tests {
         assert_eq!((found.cameras.len(), found.is_distorted), (3, false));
         assert!(read(r#""k1": 0.1,"#, "").is_distorted && read("", r#""p2": -1e-3,"#).is_distorted);
         assert!(read(r#""camera_model": "OPENCV_FISHEYE","#, "").is_distorted);
+        assert!(read("", r#""camera_model": "EQUIRECTANGULAR","#).is_distorted);
         assert!(read("", r#""is_fisheye": true,"#).is_distorted);
         fs::remove_file(&path).unwrap();
     }
@@ -370,6 +389,25 @@ mod tests {
         assert_eq!((half.focal_x, half.focal_y, half.center_x, half.center_y), (40.0, 180.0, 20.0, 60.0));
         // Rescaling maps a ray to the same point of the image.
         assert!((own[0].ray(70.0, 20.0).1 - half.ray(35.0, 40.0).1).length() < 1e-12);
+    }
+
+    /// Pixels are square unless the frame, or else the file, says otherwise.
+    #[test]
+    fn focal_lengths_of_different_lenses_are_not_mixed() {
+        for (file, frame, (x, y)) in [
+            (r#""fl_x": 100, "fl_y": 110"#, r#""fl_x": 80"#, (80.0, 80.0)),
+            (r#""fl_x": 100, "fl_y": 110"#, r#""fl_y": 80"#, (80.0, 80.0)),
+            (r#""fl_x": 100, "fl_y": 110"#, r#""cx": 50"#, (100.0, 110.0)),
+            (r#""fl_y": 110"#, r#""fl_x": 80"#, (80.0, 110.0)),
+            (r#""camera_angle_x": 2, "camera_angle_y": 2"#, r#""fl_x": 80"#, (80.0, 80.0)),
+            (r#""fl_x": 100, "fl_y": 110"#, r#""camera_angle_x": 1.5707963267948966"#, (50.0, 50.0)),
+            (r#""camera_angle_y": 1.5707963267948966"#, r#""cx": 50"#, (25.0, 25.0)),
+        ] {
+            let json = format!(r#"{{"w": 100, "h": 50, {file}, "frames": [{{{frame}, {POSE}}}]}}"#);
+            let camera = read(&json, None).unwrap()[0];
+            let off = glam::DVec2::new(camera.focal_x - x, camera.focal_y - y);
+            assert!(off.length() < 1e-9, "{file}, {frame}: {camera:?}");
+        }
     }
 
     /// A view shows the same at any size, also if the file does not say the size that its focal length is for.

@@ -1,7 +1,7 @@
 //! Errors in the content of a file, before the name of the file is known.
 
 /// An error in the content of a file, before the name of the file is known.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Fault {
     /// The part of the file, such as a property.
     pub what: String,

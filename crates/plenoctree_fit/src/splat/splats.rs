@@ -54,11 +54,14 @@ impl Splats {
     }
 
     /// Adds a Gaussian, with (degree + 1)² coefficients for red, green and blue; missing ones are 0. Rotations are
-    /// normalized.
+    /// normalized, and those without a length are none.
     ///
     /// Gaussians with numbers that are not finite, or implausibly large, are left out and counted in [`Self::dropped`].
     pub fn push(&mut self, gaussian: Gaussian, coefficients: &[Vec3]) {
-        let Gaussian { position, scale, rotation, opacity } = gaussian;
+        let Gaussian { position, scale, mut rotation, opacity } = gaussian;
+        if rotation == Quat::from_array([0.0; 4]) {
+            rotation = Quat::IDENTITY;
+        }
         let length = rotation.length();
         let valid = position.abs().max_element() <= LARGEST
             && position.is_finite()

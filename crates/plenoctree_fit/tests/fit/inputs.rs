@@ -444,7 +444,11 @@ fn errors_name_file_and_reason() {
 
     write_pictures(&folder.join("images"), &cameras, None, |_| 1.0);
     write_colmap_text(&folder, &cameras, "1 FOV 40 40 50 50 20 20 0.1");
-    assert!(read(&folder).unwrap_err().contains("FOV"));
+    let unknown = read(&folder).unwrap_err();
+    assert!(unknown.contains("FOV") && unknown.contains("cameras.txt"), "{unknown}");
+    // Cameras without pictures do not matter. The folder of all models will do.
+    write_colmap_text(&folder, &cameras, "1 SIMPLE_PINHOLE 40 40 50 20 20\n2 FOV 40 40 50 50 20 20 0.1");
+    assert_eq!(read(&folder.join("sparse")).unwrap().views.len(), cameras.len());
     write_colmap_text(&folder, &cameras, "1 EQUIRECTANGULAR 40 40 40 40");
     assert!(read(&folder).unwrap_err().contains("model EQUIRECTANGULAR"));
     write_colmap_text(&folder, &cameras, "1 PINHOLE 44 40 50 50 20 20");

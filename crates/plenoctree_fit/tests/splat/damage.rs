@@ -116,6 +116,9 @@ fn headers_that_claim_too_much_are_errors() {
     fails(&streams, "stream 0: found 45 bytes, expected 9437184 bytes");
 
     let (mut document, buffer) = gltf(&splats, GltfFormat::Floats, json!([{"mesh": 0}]));
+    document["extensionsRequired"] = json!(["EXT_meshopt_compression"]);
+    fails(&glb(&document, &buffer), "extensionsRequired: found EXT_meshopt_compression");
+    document["extensionsRequired"] = json!(["KHR_materials_unlit"]);
     document["accessors"][0]["count"] = json!(u64::MAX);
     fails(&glb(&document, &buffer), "POSITION: found 60 bytes with a stride of 12");
     let (document, buffer) = gltf(&splats, GltfFormat::Floats, json!([{"mesh": 0, "children": [0]}]));

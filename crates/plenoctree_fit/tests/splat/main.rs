@@ -237,8 +237,11 @@ fn damaged_gaussians_are_left_out() {
     for (index, damage) in [f32::NAN, f32::INFINITY, 1e30].into_iter().enumerate() {
         bytes[row + index * 92..][..4].copy_from_slice(&damage.to_le_bytes());
     }
+    // No rotation at all is none, not damage.
+    bytes[row + 3 * 92 + 76..][..16].fill(0);
     let found = read(&bytes).unwrap();
     assert_eq!((found.len(), found.dropped()), (2, 3));
+    assert_eq!(found.gaussians()[0].rotation, Quat::IDENTITY);
     assert!((found.gaussians()[0].position - splats.gaussians()[3].position).length() < 1e-6);
     for index in 3..5 {
         bytes[row + index * 92..][..4].copy_from_slice(&f32::NAN.to_le_bytes());

@@ -48,7 +48,8 @@ const MODELS: [(&str, usize); 18] = [
 struct Camera {
     width: u64,
     height: u64,
-    lens: Lens,
+    /// An error if it is unknown, which only matters if pictures have it.
+    lens: Result<Lens, Fault>,
 }
 
 /// An entry of `images`: the pose takes points of the world to the camera, whose y points down.
@@ -61,13 +62,13 @@ struct Image {
 
 /// Reads the model in a folder. The points may be missing.
 pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
-    let (cameras, images) = if folder.join("cameras.bin").exists() {
-        (open(&folder.join("cameras.bin"), cameras_of)?, open(&folder.join("images.bin"), images_of)?)
+    let is_binary = folder.join("cameras.bin").exists();
+    let cameras_file = folder.join(if is_binary { "cameras.bin" } else { "cameras.txt" });
+    let (cameras, images) = if is_binary {
+        (open(&cameras_file, cameras_of)?, open(&folder.join("images.bin"), images_of)?)
     } else {
-        (
-            cameras_of_text(Lines::open(folder.join("cameras.txt"))?)?,
-            images_of_text(Lines::open(folder.join("images.txt"))?)?,
-        )
+        let lines = Lines::open(cameras_file.clone())?;
+        (cameras_of_text(lines)?, images_of_text(Lines::open(folder.join("images.txt"))?)?)
     };
     let (binary, text) = (folder.join("points3D.bin"), folder.join("points3D.txt"));
     let points = if binary.exists() {
@@ -101,6 +102,7 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
             let camera = cameras.get(&image.camera).ok_or_else(|| {
                 FitError::found(folder, what.clone(), format!("camera {}", image.camera), "one of the cameras")
             })?;
+            let lens = camera.lens.clone().map_err(FitError::fault(&cameras_file))?;
             let size = picture::size(&path)?;
             let stated = (camera.width as f64, camera.height as f64);
             let Some(scale) = picture::scale(size, stated) else {
@@ -125,11 +127,10 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
             let to_world = DMat3::from_quat(image.rotation.normalize()).transpose();
             let position = -(to_world * image.translation);
             let rotation = DMat3::from_cols(to_world.x_axis, -to_world.y_axis, -to_world.z_axis);
-            let camera =
-                maker.camera(size.0, size.1, camera.lens.scaled(scale), rotation, position).map_err(|point| {
-                    let found = format!("a lens without a direction at {point}");
-                    FitError::found(folder, format!("camera {}", image.camera), found, "a lens that covers the picture")
-                })?;
+            let camera = maker.camera(size.0, size.1, lens.scaled(scale), rotation, position).map_err(|point| {
+                let found = format!("a lens without a direction at {point}");
+                FitError::found(folder, format!("camera {}", image.camera), found, "a lens that covers the picture")
+            })?;
             Ok(View { name: image.name, picture: path, mask: None, camera })
         })
         .collect::<Result<_, _>>()?;
@@ -236,7 +237,7 @@ fn cameras_of(file: &mut Bytes) -> Result<BTreeMap<u64, Camera>, Fault> {
             return Err(Fault::found(format!("camera {id}"), format!("model {model}"), expected));
         };
         let parameters = (0..*count).map(|_| file.f64(WHAT)).collect::<Result<Vec<_>, _>>()?;
-        cameras.insert(id, Camera { width, height, lens: lens(id, name, &parameters)? });
+        cameras.insert(id, Camera { width, height, lens: lens(id, name, &parameters) });
     }
     Ok(cameras)
 }
@@ -305,10 +306,7 @@ fn cameras_of_text(file: Lines) -> Result<BTreeMap<u64, Camera>, FitError> {
         let id = file.value(&line, 0)?;
         let (width, height) = (file.value(&line, 2)?, file.value(&line, 3)?);
         let parameters = (4..line.1.len()).map(|index| file.value(&line, index)).collect::<Result<Vec<_>, _>>()?;
-        cameras.insert(
-            id,
-            Camera { width, height, lens: lens(id, line.1[1], &parameters).map_err(FitError::fault(&file.path))? },
-        );
+        cameras.insert(id, Camera { width, height, lens: lens(id, line.1[1], &parameters) });
     }
     Ok(cameras)
 }

@@ -122,8 +122,9 @@ fn model_in(path: &Path) -> Option<(PathBuf, Vec<(PathBuf, u64)>)> {
         numbers.sort_unstable();
         numbers.into_iter().map(move |number| folder.join(number.to_string())).collect::<Vec<_>>()
     };
+    let sparse = path.join("sparse");
     let places =
-        [vec![path.into()], parts(path.join("sparse")), vec![path.join("sparse")], parts(path.join("colmap/sparse"))];
+        [vec![path.into()], parts(sparse.clone()), vec![sparse], parts(path.join("colmap/sparse")), parts(path.into())];
     let models = places.into_iter().map(|place| place.into_iter().filter(|folder| colmap::is_model(folder)));
     let models: Vec<PathBuf> = models.map(Iterator::collect).find(|models: &Vec<_>| !models.is_empty())?;
     let mut sized: Vec<(PathBuf, u64)> = match &models[..] {

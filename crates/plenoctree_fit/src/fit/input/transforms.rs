@@ -201,9 +201,7 @@ impl Camera {
     /// Returns the lens for pictures of this size.
     fn lens(&self, size: DVec2) -> Result<Lens, WrongValue> {
         let (focal, center) = self.intrinsics.focal_and_center(size)?;
-        let model = self.camera_model.as_deref().unwrap_or("OPENCV");
-        const MODELS: [&str; 6] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV_FISHEYE"];
-        if !MODELS.contains(&model) {
+        if let Some(model) = self.unknown_model() {
             let expected = "OPENCV, PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV_FISHEYE";
             return Err(("camera_model", model.into(), expected));
         }

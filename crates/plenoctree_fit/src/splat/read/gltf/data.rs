@@ -2,11 +2,25 @@
 
 use std::borrow::Cow;
 
+use base64::{
+    Engine, alphabet,
+    engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig},
+};
+use percent_encoding::percent_decode_str;
+
 use super::document::Document;
 use crate::{
     file::{Fault, Number},
     splat::read::shared::{Beside, LARGEST_FILE},
 };
+
+/// Exporters disagree about the end of the data.
+const BASE64: GeneralPurpose = GeneralPurpose::new(
+    &alphabet::STANDARD,
+    GeneralPurposeConfig::new()
+        .with_decode_padding_mode(DecodePaddingMode::Indifferent)
+        .with_decode_allow_trailing_bits(true),
+);
 
 /// Returns the content of all buffers, and adds the sizes of those that are not in the file to `size`.
 pub fn read_buffers<'a>(
@@ -24,8 +38,10 @@ pub fn read_buffers<'a>(
             (None, _) => return Err(Fault::found(what, "no uri", "a file, data, or the binary chunk")),
             (Some(uri), _) => {
                 let content = match uri.strip_prefix("data:").and_then(|data| data.split_once(";base64,")) {
-                    Some((_, data)) => base64(data, &what)?,
-                    None => beside(&unescaped(uri))?,
+                    Some((_, data)) => {
+                        BASE64.decode(data).map_err(|error| Fault::found(what.clone(), error.to_string(), "base64"))?
+                    }
+                    None => beside(&percent_decode_str(uri).decode_utf8_lossy())?,
                 };
                 // Many buffers may be the same file.
                 read += content.len() as u64;
@@ -131,43 +147,4 @@ impl Floats<'_> {
         let bytes = &self.bytes[index * self.stride..];
         std::array::from_fn(|part| (self.unit * self.number.read(&bytes[part * self.number.size()..], false)) as f32)
     }
-}
-
-/// Decodes `%20` and the like.
-fn unescaped(uri: &str) -> String {
-    let mut bytes = Vec::new();
-    let mut rest = uri.as_bytes();
-    while let [first, after @ ..] = rest {
-        let code = match after {
-            [high, low, ..] if *first == b'%' => {
-                std::str::from_utf8(&[*high, *low]).ok().and_then(|digits| u8::from_str_radix(digits, 16).ok())
-            }
-            _ => None,
-        };
-        bytes.push(code.unwrap_or(*first));
-        rest = &rest[if code.is_some() { 3 } else { 1 }..];
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
-}
-
-fn base64(text: &str, what: &str) -> Result<Vec<u8>, Fault> {
-    let (mut bytes, mut bits, mut count) = (Vec::with_capacity(text.len() / 4 * 3), 0u32, 0);
-    for letter in text.bytes().filter(|letter| *letter != b'=') {
-        let value = match letter {
-            b'A'..=b'Z' => letter - b'A',
-            b'a'..=b'z' => letter - b'a' + 26,
-            b'0'..=b'9' => letter - b'0' + 52,
-            b'+' | b'-' => 62,
-            b'/' | b'_' => 63,
-            _ => return Err(Fault::found(what, format!("byte {letter:02x}"), "base64")),
-        };
-        bits = bits << 6 | u32::from(value);
-        count += 6;
-        if count >= 8 {
-            count -= 8;
-            bytes.push((bits >> count) as u8);
-            bits &= (1 << count) - 1;
-        }
-    }
-    Ok(bytes)
 }

@@ -12,6 +12,8 @@ use crate::file::Fault;
 #[serde(rename_all = "camelCase")]
 pub struct Document {
     #[serde(default)]
+    pub extensions_required: Vec<String>,
+    #[serde(default)]
     pub scene: usize,
     #[serde(default)]
     pub scenes: Vec<Scene>,

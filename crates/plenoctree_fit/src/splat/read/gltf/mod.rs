@@ -69,6 +69,9 @@ pub fn read_text(bytes: &[u8], beside: Beside) -> Result<Splats, Fault> {
 fn read(json: &[u8], binary: Option<&[u8]>, mut size: u64, beside: Beside) -> Result<Splats, Fault> {
     let document: Document =
         serde_json::from_slice(json).map_err(|error| Fault::found("JSON", error.to_string(), "a glTF 2.0 document"))?;
+    if let Some(name) = document.extensions_required.iter().find(|name| name.contains("meshopt_compression")) {
+        return Err(Fault::found("extensionsRequired", name.as_str(), "buffers that are not compressed"));
+    }
     let buffers = read_buffers(&document, binary, &mut size, beside)?;
     let file = File { document: &document, buffers: buffers.iter().map(|buffer| &buffer[..]).collect(), size };
     let mut splats = Splats::default();
