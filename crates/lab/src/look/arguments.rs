@@ -28,7 +28,7 @@ pub struct Arguments {
     /// The renderer. The reference draws hard edges, unlike the plugin.
     #[arg(long, value_enum, default_value_t)]
     pub renderer: Renderer,
-    /// Print only errors and the table.
+    /// Print only warnings, errors and the table.
     #[arg(long)]
     pub quiet: bool,
 }

@@ -28,7 +28,7 @@ pub struct Arguments {
     /// Draw several samples per pixel.
     #[arg(long)]
     pub msaa: bool,
-    /// Print only errors.
+    /// Print only warnings and errors.
     #[arg(long)]
     pub quiet: bool,
 }

@@ -89,9 +89,9 @@ pub fn run(arguments: &Arguments) -> Result {
             "warning: {}: kept as it is: the earlier result has {:.2} dB on {}, and this one {}; fit without --resume \
              to replace it",
             arguments.out.display(),
-            before.psnr,
+            now.as_ref().map_or(before.psnr, |now| before.in_common(now)[0]),
             before.views(),
-            now.map_or("is in none of them".into(), |now| format!("{:.2} dB", now.psnr))
+            now.map_or("is in none of them".into(), |now| format!("{:.2} dB", before.in_common(&now)[1]))
         );
     } else {
         let palette = output::palette(&arguments.out, &field, &arguments.extraction);

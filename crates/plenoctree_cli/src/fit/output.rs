@@ -121,8 +121,8 @@ fn write_all(
         if let Err(error) = write_previews(&views, previews, &names) {
             console::complain!("warning: {error}; the field is written without all of its previews");
         }
-        outdated.iter().for_each(|name| _ = fs::remove_file(views.join(name)));
     }
+    outdated.iter().for_each(|name| _ = fs::remove_file(views.join(name)));
     Ok(leaves)
 }
 
@@ -178,7 +178,8 @@ fn identity(out: &Path, file: &Path) -> Value {
 
 /// How well a field matches the views that were held out or, if none were, those that it was fitted to.
 pub struct Quality {
-    held_out: Vec<String>,
+    /// The held-out views that were measured, and the PSNR of each in decibels.
+    held_out: Vec<(String, f64)>,
     fitted: u64,
     /// The PSNR in decibels.
     pub psnr: f64,
@@ -190,8 +191,11 @@ impl Quality {
         let measured = report.get("held_out").filter(|held_out| !held_out.is_null());
         let psnr = measured.map_or(report.get("fitted_psnr_db"), |held_out| held_out.get("psnr_db"))?.as_f64()?;
         let views = measured.map_or(Some(&[][..]), |held_out| Some(held_out.get("views")?.as_array()?))?;
-        let name = |view: &Value| Some(view.get("name")?.as_str()?.to_string());
-        Some(Self { held_out: views.iter().map(name).collect::<Option<_>>()?, fitted: report["views"].as_u64()?, psnr })
+        let view = |view: &Value| {
+            // JSON has no infinity.
+            Some((view.get("name")?.as_str()?.to_string(), view["psnr_db"].as_f64().unwrap_or(f64::INFINITY)))
+        };
+        Some(Self { held_out: views.iter().map(view).collect::<Option<_>>()?, fitted: report["views"].as_u64()?, psnr })
     }
 
     /// Returns that of an earlier result, if there is one.
@@ -209,7 +213,8 @@ impl Quality {
         let found = Self::of(&report).filter(|_| report["field"] == identity(out, out));
         let reason = match found {
             None => "is not the field that report.json is about",
-            Some(found) if found.held_out != held_out || found.fitted != fitted as u64 => "was fitted to other views",
+            Some(found) if found.fitted != fitted as u64 => "was fitted to other views",
+            Some(found) if !found.is_of(held_out, report["stopped"] == true) => "was measured on other views",
             // Older reports lack them.
             Some(_) if report.get(COMPARED).is_some_and(|of| of != compared) => {
                 "was not compared with pictures of the same size, masks and background"
@@ -224,10 +229,29 @@ impl Quality {
         .into())
     }
 
+    /// Returns whether these are the views that it was measured on, or if that was stopped, the first of them.
+    fn is_of(&self, held_out: &[&str], is_stopped: bool) -> bool {
+        let measured = self.held_out.iter().map(|(name, _)| name.as_str());
+        let count = if is_stopped && !self.held_out.is_empty() { self.held_out.len() } else { held_out.len() };
+        held_out.get(..count).is_some_and(|expected| measured.eq(expected.iter().copied()))
+    }
+
     /// Returns whether it is higher than that of another fit to the same pictures, which is `None` if its field is not
-    /// in view.
+    /// in view. If a fit was stopped while it was measured, the views count that both were measured on.
     pub fn is_above(&self, other: Option<&Self>) -> bool {
-        other.is_none_or(|other| other.psnr < self.psnr)
+        other.is_none_or(|other| {
+            let [own, others] = self.in_common(other);
+            others < own
+        })
+    }
+
+    /// Returns the PSNR of both in the views that both were measured on, in decibels.
+    pub fn in_common(&self, other: &Self) -> [f64; 2] {
+        let both = self.held_out.len().min(other.held_out.len());
+        [self, other].map(|of| match both {
+            0 => of.psnr,
+            _ => of.held_out[..both].iter().map(|(_, psnr)| psnr).sum::<f64>() / both as f64,
+        })
     }
 
     /// Names the views that it was measured on.
@@ -305,6 +329,22 @@ mod tests {
         let found = of(Some(12.0)).unwrap();
         assert!(found.is_above(of(None).as_ref()) && found.is_above(of(Some(11.0)).as_ref()));
         assert!(!found.is_above(of(Some(12.0)).as_ref()) && !found.is_above(of(Some(13.0)).as_ref()));
+    }
+
+    /// A fit that was stopped while it was measured compares in the views that both have.
+    #[test]
+    fn fits_compare_in_the_same_views() {
+        let of = |views: &[f64]| {
+            let psnr = views.iter().sum::<f64>() / views.len() as f64;
+            let view = |(index, psnr): (usize, &f64)| json!({ "name": format!("{index}.png"), "psnr_db": psnr });
+            let views: Vec<Value> = views.iter().enumerate().map(view).collect();
+            Quality::of(&json!({ "held_out": { "psnr_db": psnr, "views": views }, "views": 9 })).unwrap()
+        };
+        let (before, worse, better) = (of(&[30.0, 20.0]), of(&[28.0]), of(&[31.0]));
+        assert!(before.is_above(Some(&worse)) && !before.is_above(Some(&better)));
+        assert_eq!(before.in_common(&worse), [30.0, 28.0]);
+        assert!(before.is_of(&["0.png", "1.png"], false) && worse.is_of(&["0.png", "1.png"], true));
+        assert!(!worse.is_of(&["0.png", "1.png"], false) && !worse.is_of(&["1.png", "0.png"], true));
     }
 
     #[test]

@@ -33,7 +33,7 @@ pub struct Arguments {
     /// The file to save an image of the palette to.
     #[arg(long, value_name = "FILE.png")]
     pub image: Option<PathBuf>,
-    /// Print only errors.
+    /// Print only warnings and errors.
     #[arg(long)]
     pub quiet: bool,
 }

@@ -24,7 +24,7 @@ pub struct Arguments {
     /// The folder to write 000.png and so on to.
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
-    /// Print only errors.
+    /// Print only warnings and errors.
     #[arg(long)]
     pub quiet: bool,
     /// How to read the capture.

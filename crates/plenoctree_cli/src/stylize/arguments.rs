@@ -85,7 +85,7 @@ pub struct Arguments {
     /// The renderer.
     #[arg(long, value_enum, default_value_t)]
     pub renderer: Renderer,
-    /// Print only errors.
+    /// Print only warnings and errors.
     #[arg(long)]
     pub quiet: bool,
 }
