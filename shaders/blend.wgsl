@@ -7,7 +7,7 @@
 #import bevy_plenoctree::ink::{ink_at, inked, surface_at}
 #endif
 #import bevy_plenoctree::labels::{are_tones, assign, place_of_color, shown_opacity}
-#import bevy_plenoctree::recolor::recolored
+#import bevy_plenoctree::recolor::recolored_in_tint
 #ifdef RESOLVED
 #import bevy_plenoctree::scene::share_before
 #endif
@@ -81,7 +81,7 @@ fn behind_at(pixel: vec2<u32>, beside: vec2<u32>) -> Behind {
             let center = textureLoad(layer, pixel, 0);
             let rays = vec4(thinned.rgb + thinned.a * center.rgb, 1.0 - thinned.a * (1.0 - center.a));
             let own = rays.rgb / max(rays.a, 1e-6);
-            thin = max(thin + rays.a * (recolored(prop, own) - own), vec3(0.0));
+            thin = max(thin + rays.a * (recolored_in_tint(prop, own) - own), vec3(0.0));
         }
         behind.shown = vec4(decode(thin), 1.0 - thinned.a * (1.0 - alpha));
     }

@@ -10,6 +10,7 @@
 #import bevy_plenoctree::filter_texel::unpack
 #import bevy_plenoctree::labels::{RAMPS, label_at, place_of, placed, ramp_of, shown_at}
 #import bevy_plenoctree::shade::Light
+#import bevy_plenoctree::steady::MOVED
 #import bevy_plenoctree::view::{labelings, view}
 
 // The fewest pixels of a label within the 5 x 5 pixels around one of them that are no island. An island goes to its
@@ -163,7 +164,7 @@ fn bordered(
     for (var c = 0u; c < 4u; c++) {
         // The difference of the squares of the distances, less what keeps labels.
         let other = places[c];
-        let step = steadiness * distance(other, to);
+        let step = MOVED * steadiness * distance(other, to);
         let near = vec3(support[0][c], support[1][c], support[2][c]);
         let kept = near - vec3(support[0][nearest], support[1][nearest], support[2][nearest]);
         let value = dot(2.0 * center - other - to, to - other) - step * kept.x;

@@ -2,7 +2,7 @@
 // enough, to find which part of the pixel the prop covers, and its color there.
 
 #import bevy_plenoctree::batch::{BATCH, batch_of, counts, index_in_batch}
-#import bevy_plenoctree::color::to_half
+#import bevy_plenoctree::color::{tinted, to_half}
 #import bevy_plenoctree::edge::{
     FAINTEST, RAYS, neighbor, offset_of_four, ray_offset, rays_of, sample_of, thinned, word_at, word_of,
 }
@@ -48,6 +48,11 @@ struct Look {
     distance: f32,
     // Encoded sRGB premultiplied by opacity, and opacity.
     color: vec4<f32>,
+}
+
+// Returns a color that is premultiplied by opacity in a tint.
+fn in_tint(color: vec4<f32>, tint: vec3<f32>) -> vec4<f32> {
+    return vec4(color.a * tinted(color.rgb / max(color.a, 1e-6), tint), color.a);
 }
 
 // Marches through a point of the view as the volume pass does, but stops earlier. Begins at `begins` or at the box, and
@@ -399,7 +404,9 @@ fn fragment(in: Varying) {
             let middle = look(prop, center, begins, limit, &h);
             let others = RAYS - countOneBits(covered | hidden);
             if !middle.is_covered && others > 0u && !hides {
-                own_color = thinned(middle.color, thin * f32(RAYS) / f32(others));
+                // As the layer shows it.
+                let rays = in_tint(thin * f32(RAYS) / f32(others), prop.tint);
+                own_color = thinned(in_tint(middle.color, prop.tint), rays);
             }
         }
     }

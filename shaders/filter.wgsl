@@ -29,6 +29,8 @@ fn fragment(
     let prop = max(center.owner, 1u) - 1u;
     // Once the first pass has copied them, both textures hold the pixels without an owner.
     let is_kept = center.owner == 0u || iteration >= filters[prop].iterations;
+    // What is behind a prop, or beside it, would give its edges tones that are not its own.
+    let only = select(0u, center.owner, filters[prop].is_of_tones == 1u);
     let taps = select(filters[prop].taps, 0, is_kept);
     let spacing = filters[prop].spacing;
     let spatial = filters[prop].spatial_falloff;
@@ -37,8 +39,8 @@ fn fragment(
     for (var tap = 1; tap <= taps; tap++) {
         let offset = i32(f32(tap) * spacing + 0.5);
         let closeness = -f32(offset * offset) * spatial;
-        add(&sum, at - offset * ALONG, center.place, closeness, range);
-        add(&sum, at + offset * ALONG, center.place, closeness, range);
+        add(&sum, at - offset * ALONG, center.place, only, closeness, range);
+        add(&sum, at + offset * ALONG, center.place, only, closeness, range);
     }
     let color = sum.color / sum.weight;
 #ifdef LAST
@@ -48,12 +50,14 @@ fn fragment(
 #endif
 }
 
-fn add(sum: ptr<function, Sum>, at: vec2<i32>, lab: vec3<f32>, closeness: f32, range: f32) {
+// `only` is the owner of pixels that count, or 0 if all do.
+fn add(sum: ptr<function, Sum>, at: vec2<i32>, lab: vec3<f32>, only: u32, closeness: f32, range: f32) {
     // Taps outside the viewport have no weight, whatever they load.
     let pixel = unpack(textureLoad(source, at, 0));
     let difference = pixel.place - lab;
     let inside = all(at >= vec2(0)) && all(at < vec2<i32>(view.size));
-    let weight = select(0.0, exp(closeness - dot(difference, difference) * range), inside);
+    let counts = inside && (only == 0u || pixel.owner == only);
+    let weight = select(0.0, exp(closeness - dot(difference, difference) * range), counts);
     (*sum).color += weight * pixel.color;
     (*sum).weight += weight;
 }

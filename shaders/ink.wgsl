@@ -6,7 +6,7 @@
 
 #import bevy_plenoctree::labels::{RAMPS, ramp_of}
 #import bevy_plenoctree::scene::scene_depth_at
-#import bevy_plenoctree::view::{colors, is_solid, labelings, view, distance_from_depth}
+#import bevy_plenoctree::view::{colors, is_solid, labelings, props, view, distance_from_depth}
 
 const INK_SILHOUETTE: u32 = 1u;
 const INK_CREASES: u32 = 2u;
@@ -115,7 +115,9 @@ fn ink_at(
         return 0.0;
     }
     let ink = labelings[center.owner - 1u].ink;
-    let wanted = ink.width / max(view.depth.w - center.distance * view.depth.z, 1e-20);
+    // The distance of haze and glass is unknown, but for that of the prop's box.
+    let away = select(props[center.owner - 1u].near, center.distance, center.has_depth);
+    let wanted = ink.width / max(view.depth.w - away * view.depth.z, 1e-20);
     let width = clamp(wanted, 1.0, ink.max_pixels);
     let radius = max(width + 1.0, LEAST_RADIUS);
     var has_edge = false;

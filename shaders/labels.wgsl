@@ -78,8 +78,10 @@ fn ramp_of(prop: u32, index: u32) -> u32 {
 
 fn consider(nearest: ptr<function, Nearest>, label: u32, distance: f32) {
     let old = *nearest;
-    let is_first = distance < old.distances.x;
-    let is_second = distance < old.distances.y;
+    // Of labels at the same distance, the first one counts. Tones come in another order.
+    let comes_first = vec2(label) < old.labels;
+    let is_first = distance < old.distances.x || (distance == old.distances.x && comes_first.x);
+    let is_second = distance < old.distances.y || (distance == old.distances.y && comes_first.y);
     (*nearest).labels = vec2(
         select(old.labels.x, label, is_first),
         select(select(old.labels.y, label, is_second), old.labels.x, is_first),

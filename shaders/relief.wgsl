@@ -138,9 +138,12 @@ fn relief_at(center: Center) -> Relief {
         direction = vec2(dot(direction, vec2(TURN.x, -TURN.y)), dot(direction, TURN.yx));
     }
     area += cross(last[0], first[1]) + cross(last[1], first[0]);
-    // Seen from the camera, the points run clockwise.
-    let facing = (view.world_from_view * vec4(-area, 0.0)).xyz;
-    let away = (view.world_from_view * vec4(outward * vec2(1.0, -1.0) / HALF_RING, 0.0, 0.0)).xyz;
+    // Seen from the camera, the points run clockwise, unless the projection mirrors.
+    let x = view.clip_from_view[0].xy;
+    let y = view.clip_from_view[1].xy;
+    let turn = select(-1.0, 1.0, x.x * y.y < x.y * y.x);
+    let facing = (view.world_from_view * vec4(turn * area, 0.0)).xyz;
+    let away = (view.world_from_view * vec4(outward * sign(vec2(x.x, -y.y)) / HALF_RING, 0.0, 0.0)).xyz;
     return Relief(facing / max(length(facing), 1e-30), away / max(length(away), 1.0));
 }
 

@@ -50,5 +50,5 @@ fn see(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) wo
         depth = select(depth, crossing.enter, depth < 0.0 && transmittance < SURFACE);
     }
     let row = (id.z * 8u * workgroups.y + id.y) * 8u * workgroups.x;
-    seen[row + id.x] = vec4(color / max(opacity, 1e-20), select(-opacity, depth, depth > 0.0));
+    seen[row + id.x] = vec4(color / max(opacity, 1e-20), select(-opacity, max(depth, 1e-30), depth >= 0.0));
 }

@@ -35,6 +35,8 @@ pub struct Ink {
     pub color: InkColor,
     /// The width of the lines, in world units. 0 draws none.
     ///
+    /// Where a prop is not solid, lines are as wide as at the distance of the box around its leaves.
+    ///
     /// Defaults to 0.012: for a prop that is about one unit large. Negative values count as 0.
     pub width: f32,
     /// The width that no line exceeds, in pixels.

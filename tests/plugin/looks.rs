@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 use bevy_plenoctree::{
     BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, Ink, InkBorders, InkColor, Palette, PaletteMethod,
-    Posterize, Ramp,
+    Posterize, Ramp, SolidOpacity,
 };
 use glam::DVec3;
 use half::f16;
@@ -225,6 +225,43 @@ fn labels_do_not_depend_on_what_is_behind() {
     assert!(opaque > 500 && glass > 500, "{opaque} opaque pixels, {glass} of glass");
 }
 
+/// Also not where the background has nearly the color of the prop.
+#[test]
+fn backgrounds_of_similar_colors_change_no_label() {
+    let mut stage = Stage::new(SIZE);
+    let gray = |encoded: f64| [encoded; 3];
+    stage.spawn_prop(&shape(1e4, DVec3::splat(0.505), |at| at.abs().max_element() < 0.5), ());
+    stage.paint(FieldPalette::new(of_tones(&[gray(0.45), gray(0.55)])));
+    stage.palette().show([Color::srgb(0.0, 1.0, 0.0), Color::srgb(1.0, 0.0, 0.0)]);
+    stage.set(Transform::from_xyz(0.0, 0.0, 2.4).looking_at(Vec3::ZERO, Vec3::Y));
+    let mut look = Look(stage);
+    let hard = Posterize { edges: EdgeSmoothing::Off, borders: BorderSmoothing::Off, ..Posterize::toon() };
+    let mut red = |background: f32| {
+        look.0.set_background(Color::srgb(background, background, background));
+        let frame = look.capture(SIZE, hard, None);
+        places(SIZE, SIZE).filter(|(x, y)| at(&frame, *x, *y) == [255, 0, 0]).count()
+    };
+    let count = red(1.0);
+    assert!(count > 500);
+    for background in [0.43, 0.45, 0.47] {
+        assert_eq!(red(background), count, "over {background}");
+    }
+}
+
+/// Of tones at the same distance, the first one counts, whether a color is darker or lighter.
+#[test]
+fn the_first_of_equal_tones_counts() {
+    let mut look = Look::new();
+    let middle = [0.9, 0.55, 0.5];
+    look.0.paint(FieldPalette::new(of_tones(&[middle, middle])));
+    look.0.palette().show([Color::srgb(0.0, 1.0, 0.0), Color::srgb(1.0, 0.0, 0.0)]);
+    let hard = Posterize { edges: EdgeSmoothing::Off, borders: BorderSmoothing::Off, ..Posterize::toon() };
+    let frame = look.capture(SIZE, hard, None);
+    let shown = |color| places(SIZE, SIZE).filter(|(x, y)| at(&frame, *x, *y) == color).count();
+    assert!(shown([0, 255, 0]) > 1000);
+    assert_eq!(shown([255, 0, 0]), 0);
+}
+
 /// A camera's ink is for props without their own, even if theirs draws nothing.
 #[test]
 fn props_keep_the_ink_of_a_camera_away() {
@@ -270,6 +307,20 @@ fn ink_lies_within_the_silhouette() {
         }
         assert!(lines > 10);
     }
+}
+
+/// Where nothing is solid, lines are as wide as at the distance of the prop's box, whatever is behind it.
+#[test]
+fn ink_lies_on_haze_and_glass() {
+    let mut look = Look::new();
+    let plain = look.capture(SIZE, Posterize::toon(), None);
+    let ink = Ink { width: 0.1, max_pixels: 3.0, creases: false, borders: InkBorders::None, ..default() };
+    let solid = look.capture(SIZE, Posterize::toon(), Some(ink.clone()));
+    look.0.dress(SolidOpacity::Never);
+    let haze = look.capture(SIZE, Posterize::toon(), Some(ink));
+    assert!(differing(&plain, &solid, 40) > SIZE as usize);
+    let differing = differing(&solid, &haze, 40);
+    assert!(differing < SIZE as usize / 4, "{differing} pixels");
 }
 
 /// Lines between ramps follow the border, and ramps that are not listed have none. A tone is darker than its label.

@@ -2,14 +2,15 @@
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    BilateralFilter, FieldPalette, PaletteOverride, PlenOctree, Posterize, Prop, PropPlacement, PropTint, SolidOpacity,
+    BilateralFilter, FieldPalette, PaletteOverride, PlenOctree, Posterize, Prop, PropPlacement, PropQuality, PropTint,
+    SolidOpacity,
 };
 use glam::DVec3;
 
 use super::stage::{
     Stage,
-    fields::{SOLID, cube, density},
-    pixels::{encoded, is_off},
+    fields::{SOLID, colored, cube, density},
+    pixels::{differing, encoded, is_off},
 };
 
 const FIELD: Color = Color::srgb(0.8, 0.6, 0.2);
@@ -20,6 +21,39 @@ const BACKGROUND: Color = Color::srgb(0.5, 0.7, 0.9);
 fn dimmed(color: Color, tint: Color) -> DVec3 {
     let [r, g, b] = (color.to_linear().to_vec3() * tint.to_linear().to_vec3()).to_array();
     encoded(LinearRgba::rgb(r, g, b))
+}
+
+/// At the edges of a posterized prop, too, whose rays do not see what the layer shows.
+#[test]
+fn nothing_of_a_black_prop_is_bright() {
+    let mut stage = Stage::new(48);
+    // A solid half, and next to it haze in cells of half a pixel, every second of them empty.
+    let inside = |at: DVec3| at.abs().max_element() < 0.7;
+    let cell = |at: f64| (64.0 * (at + 1.0)).floor() as u32;
+    let haze = |at: DVec3| if cell(at.x) % 2 == 0 { density(0.28) / 0.7 } else { 0.0 };
+    let plate = |at: DVec3| {
+        if !inside(at) {
+            0.0
+        } else if at.x < 0.0 {
+            1e4
+        } else {
+            haze(at)
+        }
+    };
+    let bright = DVec3::new(0.95, 0.9, 0.85);
+    let mut capture = |color: DVec3, tint: Color| {
+        stage.clear();
+        stage.spawn_prop(&colored(7, plate, |_| color), PropTint(tint));
+        let [r, g, b] = color.to_array().map(|channel| channel as f32);
+        stage.paint(FieldPalette::from_colors([Color::srgb(r, g, b)]).unwrap());
+        stage.dress(Posterize::paper());
+        stage.set((PropQuality::EXACT, Transform::from_xyz(0.0, 0.0, 3.0)));
+        stage.set_background(BACKGROUND);
+        stage.wait();
+        stage.capture()
+    };
+    let (tinted, black) = (capture(bright, Color::BLACK), capture(DVec3::ZERO, Color::WHITE));
+    assert_eq!(differing(&tinted, &black, 2), 0);
 }
 
 #[test]

@@ -98,11 +98,11 @@ fn observers(up: UpAxis, settings: &SamplingSettings) -> Vec<Vec<DVec3>> {
 /// sampled where rays enter them: step 3.
 fn is_solid(field: &PlenOctree, directions: &[Vec<DVec3>], stop: f64) -> bool {
     let cells = f64::from(1u32 << field.depth());
-    let least = stop.max(f64::from(f32::MIN_POSITIVE));
+    let least = stop.max((-87.0f64).exp());
     let (mut seen, mut left_out) = (0.0, 0.0);
     for cell in field.leaf_cells() {
         let center = field.frame().to_world((cell.corner.as_dvec3() + 0.5 * f64::from(cell.size)) / cells);
-        for &observer in directions.iter().flatten() {
+        for &observer in directions.iter().filter_map(|rays| rays.first()) {
             let own = f64::from(field.densities()[cell.leaf as usize]) * half_path(field, cell, observer);
             let entry = transmittance(field, center, observer, Some(cell.leaf), least);
             let light = f64::from(cell.size).powi(2) * entry * (1.0 - (-2.0 * own).exp());

@@ -18,7 +18,7 @@ pub struct Posterization {
     pub space: LabelSpace,
     /// `D`: width over which labels blend, in that space. 0 is a hard edge. 0.2 by default.
     pub softness: f64,
-    /// `lambda`: opacity below which a pixel is shown as rendered. 80/255 by default.
+    /// `lambda`: opacity below which a pixel is shown as rendered, as are pixels in which nothing is. 80/255 by default.
     pub min_opacity: f64,
     /// Number of runs of the bilateral filter, each horizontal and then vertical. 4 by default.
     pub iterations: u32,
@@ -112,7 +112,7 @@ pub fn posterize(
         .iter()
         .zip(&rendering.opacity)
         .map(|(&color, &opacity)| {
-            if opacity < settings.min_opacity {
+            if is_thin(opacity, settings) {
                 return color;
             }
             let label = assign(place(color), &labels, settings.softness);
@@ -121,10 +121,15 @@ pub fn posterize(
         .collect()
 }
 
+/// Returns whether a pixel with this opacity is shown as rendered.
+fn is_thin(opacity: f64, settings: &Posterization) -> bool {
+    opacity < settings.min_opacity.max(f64::from(f32::EPSILON))
+}
+
 /// Flattens the colors of a rendering over `background` with the bilateral filter: section 4 of the method, step 2. Thin
 /// pixels are left as rendered. In tone space, the others have the colors of the field alone, without the background.
 pub fn filter(rendering: &Rendering, background: DVec3, settings: &Posterization) -> Vec<DVec3> {
-    let thin: Vec<bool> = rendering.opacity.iter().map(|&a| a < settings.min_opacity).collect();
+    let thin: Vec<bool> = rendering.opacity.iter().map(|&opacity| is_thin(opacity, settings)).collect();
     let mut image = rendering.over(background);
     if settings.space == LabelSpace::Tones {
         for (pixel, shown) in image.iter_mut().enumerate().filter(|(pixel, _)| !thin[*pixel]) {
@@ -164,7 +169,8 @@ fn assign(place: DVec3, labels: &[Label], softness: f64) -> DVec3 {
     share * nearest.1.shown + (1.0 - share) * second.1.shown
 }
 
-/// Applies the separable bilateral filter: step 2. Pixels marked `thin` are read but not changed.
+/// Applies the separable bilateral filter: step 2. Pixels marked `thin` are not changed. They are read, unless labels are
+/// tones.
 fn bilateral(image: &[DVec3], thin: &[bool], width: usize, settings: &Posterization) -> Vec<DVec3> {
     let mut image = image.to_vec();
     for _ in 0..settings.iterations {
@@ -196,6 +202,9 @@ fn pass(image: &[DVec3], thin: &[bool], width: usize, along_rows: bool, settings
                     continue;
                 }
                 let tap = y as usize * width + x as usize;
+                if thin[tap] && settings.space == LabelSpace::Tones {
+                    continue;
+                }
                 let weight = gauss((offset * offset) as f64, settings.spatial_sigma)
                     * gauss(lab[tap].distance_squared(lab[pixel]), settings.range_sigma);
                 sum += weight * image[tap];
@@ -220,4 +229,28 @@ pub fn cielab(encoded: DVec3) -> DVec3 {
         if t > edge * edge * edge { t.cbrt() } else { t / (3.0 * edge * edge) + 4.0 / 29.0 }
     });
     DVec3::new(116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where nothing is, nothing is posterized, even if any opacity is enough. With tones, labels do not depend on it.
+    #[test]
+    fn empty_pixels_show_the_background() {
+        let rendering =
+            Rendering { width: 2, height: 1, color: vec![DVec3::splat(0.505), DVec3::ZERO], opacity: vec![1.0, 0.0] };
+        let palette = Palette::new(vec![[0.45; 3], [0.55; 3]]).unwrap();
+        let shown = [DVec3::X, DVec3::Y];
+        for space in [LabelSpace::Encoded, LabelSpace::Tones] {
+            let settings =
+                Posterization { min_opacity: 0.0, softness: 0.0, blend_steps: 1, space, ..Default::default() };
+            let background = DVec3::splat(0.45);
+            let pixels = posterize(&rendering, background, &palette, &shown, &settings);
+            assert_eq!(pixels[1], background, "{space:?}");
+            if space == LabelSpace::Tones {
+                assert_eq!(pixels[0], DVec3::Y);
+            }
+        }
+    }
 }

@@ -9,7 +9,10 @@ use super::{
     directions::observers,
     progress::{Canceled, Progress},
 };
-use crate::{field::PlenOctree, histograms::SamplingSettings};
+use crate::{
+    field::{LeafCell, PlenOctree},
+    histograms::SamplingSettings,
+};
 
 /// The most cells of directions from the horizon to the top: 256 views of a hemisphere.
 const MOST_DIRECTIONS: usize = 8;
@@ -17,7 +20,7 @@ const MOST_DIRECTIONS: usize = 8;
 /// Parallel rays into a field, on a square grid of [`SIDE`](Self::SIDE) x `SIDE`, in the field's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ViewRays {
-    /// The origin of the first ray, outside of the field.
+    /// The origin of the first ray, outside of most of the field.
     pub first: DVec3,
     /// The step from each ray to the next one of its row.
     pub right: DVec3,
@@ -34,7 +37,7 @@ impl ViewRays {
     /// Returns the rays from every direction from which the settings sample a field, or none if it is empty. More than
     /// eight cells of directions count as eight, because more views take gigabytes and show little more.
     pub fn all(field: &PlenOctree, settings: &SamplingSettings) -> Vec<Self> {
-        let Some((low, high)) = field.dense_bounds() else { return Vec::new() };
+        let Some((low, high)) = field.bounds_of_most(|cell| weight(field, cell)) else { return Vec::new() };
         let (center, radius) = (0.5 * (low + high), 0.5 * low.distance(high));
         let step = 2.0 * radius / Self::SIDE as f64;
         let directions = settings.directions.min(MOST_DIRECTIONS);
@@ -47,6 +50,14 @@ impl ViewRays {
         };
         observers(field.up(), &settings).into_iter().flatten().map(rays).collect()
     }
+}
+
+/// Returns how much a leaf counts for the part of a field that views show: leaves that are seen alone by their area, as
+/// large ones may be all of a surface, and others as one.
+fn weight(field: &PlenOctree, cell: LeafCell) -> u64 {
+    let width = f64::from(cell.size) / f64::from(field.depth()).exp2() / field.frame().scale.max_element();
+    let opacity = -(-f64::from(field.densities()[cell.leaf as usize]) * width).exp_m1();
+    if opacity < f64::from(SEEN) { 1 } else { u64::from(cell.size).pow(2) }
 }
 
 /// What [rays](ViewRays) see of a field.
@@ -147,8 +158,13 @@ fn see(field: &PlenOctree, origin: DVec3, direction: DVec3, basis: &[f64; 25]) -
 
 #[cfg(test)]
 mod tests {
+    use half::f16;
+
     use super::*;
-    use crate::bake::{BakeSettings, bake};
+    use crate::{
+        bake::{BakeSettings, bake},
+        field::{Activation, Basis, Cell, Frame, UpAxis},
+    };
 
     /// Rays that are not half opaque have a color from an opacity of 80/255 on, and no depth.
     #[test]
@@ -162,6 +178,37 @@ mod tests {
         let views = View::from_texels(&rays, &texels, &Progress::default());
         let depths: Vec<_> = views[0].seen[..5].iter().map(|seen| seen.map(|seen| seen.depth)).collect();
         assert_eq!(depths, [Some(2.0), Some(f32::INFINITY), Some(f32::INFINITY), None, None]);
+    }
+
+    /// A large leaf is seen like the small ones that it stands for.
+    #[test]
+    fn large_leaves_are_in_view() {
+        // A full cube of leaves that are red and 1/32 wide, and far from it one that is blue and half as wide as all.
+        let mut nodes = vec![std::array::from_fn(|cell| match cell {
+            0 => Cell::node(1),
+            7 => Cell::leaf(0),
+            _ => Cell::EMPTY,
+        })];
+        nodes.push(std::array::from_fn(|cell| if cell == 0 { Cell::node(2) } else { Cell::EMPTY }));
+        let mut leaves = 1;
+        for (level, first) in [(2, 2), (3, 3), (4, 11)] {
+            for node in 0..8u32.pow(level - 2) {
+                nodes.push(std::array::from_fn(|cell| {
+                    leaves += u32::from(level == 4);
+                    let child = first + 8u32.pow(level - 2) + 8 * node + cell as u32;
+                    if level == 4 { Cell::leaf(leaves - 1) } else { Cell::node(child) }
+                }));
+            }
+        }
+        let color = |leaf: u32| if leaf == 0 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
+        let coefficients = (0..leaves).flat_map(color).map(f16::from_f32).collect();
+        let (frame, density) = (Frame::spanning(DVec3::ZERO, DVec3::ONE), vec![1e3; leaves as usize]);
+        let (basis, activation) = (Basis::Rgba, Activation::Identity);
+        let field = PlenOctree::new(frame, basis, activation, UpAxis::Z, nodes, density, coefficients).unwrap();
+        let rays = ViewRays::all(&field, &SamplingSettings::default());
+        let views = View::all(&field, &rays, &Progress::default()).unwrap();
+        let blue = views.iter().flat_map(View::colors).filter(|(color, _)| color.z > 0.9).count();
+        assert!(blue > 1000, "{blue} rays see the large leaf");
     }
 
     /// However many directions a field is sampled from, its views fit in memory.

@@ -240,6 +240,23 @@ fn a_single_leaf_is_occluded_by_half_of_its_cell() {
     assert!((histograms.total_weight() / found - 1.0).abs() < 1e-12);
 }
 
+/// The reference decides by the same rays whether a field is solid.
+#[test]
+fn leaves_that_nearly_hide_their_centers_are_sampled_where_float64_samples_them() {
+    let settings = settings(ObserverRegion::UpperHemisphere);
+    for (density, point) in [(6.9, SamplePoint::Center), (7.4, SamplePoint::Entry), (7.8, SamplePoint::Entry)] {
+        let mut node = [Cell::EMPTY; 8];
+        node[0] = Cell::leaf(0);
+        let frame = Frame { offset: DVec3::ZERO, scale: DVec3::splat(0.5) };
+        let (basis, activation, color) = (Basis::Rgba, Activation::Identity, vec![f16::from_f64(0.75); 3]);
+        let field = PlenOctree::new(frame, basis, activation, UpAxis::Z, vec![node], vec![density], color).unwrap();
+        assert_eq!(SamplePoint::choose(&field, &settings, &Progress::default()), Ok(point), "{density}");
+        let found = sample(&field, &settings, &Progress::default()).unwrap();
+        let difference = difference(&found, &sample_histograms(&field, &settings).unwrap());
+        assert!(difference < 1e-6, "{density}: {difference}");
+    }
+}
+
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
     let field = field(7, 5, [0.4; 3], UpAxis::Z);
