@@ -27,8 +27,10 @@ pub(super) fn show(ui: &mut egui::Ui, prop: Entity, field: AssetId<PlenOctree>, 
         });
     });
     match &colors {
-        Some(colors) if colors.palette.ramps().is_empty() => edit = grid(ui, colors).or(edit),
-        Some(colors) => edit = ramps::rows(ui, colors).or(edit),
+        Some(colors) => {
+            edit = ramps::rows(ui, colors).or(edit);
+            edit = grid(ui, colors).or(edit);
+        }
         None => {
             ui.weak("No palette yet. Posterize the prop to get one.");
         }
@@ -43,15 +45,20 @@ pub(super) fn show(ui: &mut egui::Ui, prop: Entity, field: AssetId<PlenOctree>, 
     }
 }
 
-/// Shows a grid of the palette's colors and returns the user's edit, if any.
+/// Shows a grid of the palette's colors that are in no ramp and returns the user's edit, if any.
 fn grid(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
     let mut edit = None;
+    let palette = colors.palette.palette();
+    let indices: Vec<usize> = (0..colors.shown.len()).filter(|index| palette.ramp_of(*index).is_none()).collect();
+    if indices.is_empty() {
+        return None;
+    }
     egui::Grid::new("swatches").num_columns(5).min_col_width(0.0).show(ui, |ui| {
         for heading in ["", "source", "shown", "weight"] {
             ui.weak(heading);
         }
         ui.end_row();
-        for index in 0..colors.shown.len() {
+        for index in indices {
             ui.weak(index.to_string());
             swatch(ui, source_color(colors.palette, index));
             if let Some(color) = edit_swatch(ui, colors.shown[index], SWATCH) {

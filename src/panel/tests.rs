@@ -211,6 +211,18 @@ fn ramps_are_renamed() {
     assert_eq!(panel.palette().ramps()[1].name, "foot");
 }
 
+/// Colors in no ramp are below the ramps.
+#[test]
+fn colors_in_no_ramp_are_shown() {
+    let mut panel = Panel::new();
+    let mut palettes = panel.world.resource_mut::<Palettes>();
+    let palette = palettes.get_mut(&panel.field).unwrap();
+    palette.edit_ramps(|palette| palette.gather_tones(&[0], "cap")).unwrap();
+    let ramp = panel.text("cap");
+    // The index of the other color, in the first column.
+    assert!(panel.text("1").y > ramp.y);
+}
+
 /// A name that the user has not finished when another entity is shown is forgotten.
 #[test]
 fn unfinished_names_are_forgotten() {

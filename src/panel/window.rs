@@ -29,6 +29,7 @@ use crate::prop::Prop;
 ///     panel.prop = Some(commands.spawn((Prop(server.load("drum.plenoctree")), Posterize::default())).id());
 /// }
 /// ```
+#[derive(Clone, Copy, Debug, Default)]
 pub struct PalettePanelPlugin;
 
 impl Plugin for PalettePanelPlugin {

@@ -13,7 +13,10 @@ pub use progress::PropProgress;
 pub use state::{PropError, PropState};
 
 use bevy::{
-    camera::{primitives::Aabb, visibility::NoAutoAabb},
+    camera::{
+        primitives::Aabb,
+        visibility::{NoAutoAabb, VisibilitySystems},
+    },
     prelude::*,
 };
 
@@ -39,6 +42,7 @@ impl Plugin for PropPlugin {
             .register_type::<PropPath>()
             .register_type::<PropTint>()
             .register_type::<SolidOpacity>()
+            .configure_sets(PostUpdate, PlenOctreeSystems::UpdateBounds.in_set(VisibilitySystems::CalculateBounds))
             .add_systems(PostUpdate, update_bounds.in_set(PlenOctreeSystems::UpdateBounds));
     }
 }

@@ -224,6 +224,8 @@ pub(super) struct VisibleProps {
     pub has_fog: bool,
     /// How the camera's materials map tones, if they do so themselves: without `Hdr`.
     pub tonemapping: Option<Tonemapping>,
+    /// Whether Bevy lights scenes, which its `PbrPlugin` does.
+    pub has_lights: bool,
     /// Whether there are point or spot lights.
     pub has_lamps: bool,
     /// Whether the scene's shadows have hard edges.

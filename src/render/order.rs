@@ -52,8 +52,9 @@ impl ScheduleBuildPass for OrderPasses {
         mut dependencies: FlattenedDependencies<'_>,
     ) -> Result<(), ScheduleBuildError> {
         let known = dependencies.analyze().map_err(ScheduleBuildError::FlatDependencySort)?;
-        let mut pairs = after_opaque(graph, known.transitive_closure(), self.scene);
-        pairs.extend(last_in(graph, Core3dSystems::PostProcess.intern(), self.display));
+        let known = known.transitive_closure();
+        let mut pairs = after_opaque(graph, known, self.scene);
+        pairs.extend(last_in(graph, known, Core3dSystems::PostProcess.intern(), self.display));
         for (first, second) in pairs {
             dependencies.add_edge(first, second);
         }
@@ -62,15 +63,26 @@ impl ScheduleBuildPass for OrderPasses {
 }
 
 /// Returns pairs of systems, the first of which must run before the second, so that those in `last` are the last ones
-/// in `set`.
-fn last_in(graph: &mut ScheduleGraph, set: InternedSystemSet, last: InternedSystemSet) -> Vec<(SystemKey, SystemKey)> {
+/// in `set`. `known` has an edge from every system to each that runs after it.
+fn last_in(
+    graph: &mut ScheduleGraph,
+    known: &DiGraph<SystemKey>,
+    set: InternedSystemSet,
+    last: InternedSystemSet,
+) -> Vec<(SystemKey, SystemKey)> {
     let last = systems_in(graph, last);
+    let later = linked(known, &last, Direction::Outgoing);
     let others = systems_in(graph, set);
-    others.difference(&last).flat_map(|other| last.iter().map(|system| (*other, *system))).collect()
+    let others = others.difference(&last).filter(|other| !later.contains(*other));
+    others.flat_map(|other| last.iter().map(|system| (*other, *system))).collect()
 }
 
-/// Returns such pairs that make the systems in `props` the last ones that draw opaque things. `known` has an edge from
-/// every system to each that runs after it.
+/// Returns the systems that must run before these, or after them.
+fn linked(known: &DiGraph<SystemKey>, systems: &HashSet<SystemKey>, direction: Direction) -> HashSet<SystemKey> {
+    systems.iter().flat_map(|system| known.neighbors_directed(*system, direction)).collect()
+}
+
+/// Returns such pairs that make the systems in `props` the last ones that draw opaque things.
 fn after_opaque(
     graph: &mut ScheduleGraph,
     known: &DiGraph<SystemKey>,
@@ -80,16 +92,18 @@ fn after_opaque(
     let opaque = systems_in(graph, main_opaque_pass_3d.into_system_set().intern());
     let transparent = systems_in(graph, main_transparent_pass_3d.into_system_set().intern());
     let main_pass = systems_in(graph, Core3dSystems::MainPass.intern());
-    let linked = |systems: &HashSet<SystemKey>, direction: Direction| -> HashSet<SystemKey> {
-        systems.iter().flat_map(|system| known.neighbors_directed(*system, direction)).collect()
-    };
+    let linked = |systems, direction| linked(known, systems, direction);
     let (earlier, later) = (linked(&props, Direction::Incoming), linked(&props, Direction::Outgoing));
     let after_opaque = linked(&opaque, Direction::Outgoing);
     let before_transparent = linked(&transparent, Direction::Incoming);
     let between = after_opaque.intersection(&before_transparent);
     let free = between.filter(|other| ![&props, &earlier, &later].iter().any(|set| set.contains(*other)));
-    let pair = |other, system| if main_pass.contains(&other) { (system, other) } else { (other, system) };
-    free.flat_map(|other| props.iter().map(move |system| pair(*other, *system))).collect()
+    let free: HashSet<_> = free.copied().collect();
+    let in_main_pass: HashSet<_> = free.intersection(&main_pass).copied().collect();
+    // What must run after a system that runs after props does so, too.
+    let after_props = &in_main_pass | &linked(&in_main_pass, Direction::Outgoing);
+    let pair = |other, system| if after_props.contains(&other) { (system, other) } else { (other, system) };
+    free.iter().flat_map(|other| props.iter().map(|system| pair(*other, *system))).collect()
 }
 
 /// Returns the systems in a set and in its nested sets.

@@ -201,7 +201,7 @@ fn plan(
     cache: &PipelineCache,
 ) -> (Option<(Plan, Vec<Pass>)>, LeftOut) {
     let (mut missing, mut left_out) = (vec![], LeftOut::Nothing);
-    let mut may_hold = !known.last.props.is_empty() && *held_frames < MOST_HELD_FRAMES;
+    let mut may_hold = known.last.keeps(Feature::Base) && *held_frames < MOST_HELD_FRAMES;
     loop {
         let Some(plan) = decide(known, &missing, None, extracted, fields) else {
             return (None, left_out);
@@ -291,7 +291,8 @@ fn is_short_of_memory(view: &mut PropView, size: UVec2, props: usize) -> bool {
 /// Lets a view draw nothing because it has too little memory, and gives back what it got.
 fn report_shortage(view: &mut PropView, props: usize, camera: Entity, reports: &FieldReports) {
     let too_large = ViewTooLarge { size: view.plan.viewport.physical_size };
-    let error = view.textures.allocator.error().unwrap_or("no message").to_string();
+    let error =
+        view.textures.allocator.error().unwrap_or("a buffer would be larger than the device may bind").to_string();
     if view.shortage.is_none() {
         error!("camera {camera} draws no props: {too_large}: {error}");
         reports.send(Report::View(camera, too_large.clone()));

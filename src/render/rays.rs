@@ -144,6 +144,9 @@ impl Pose {
         // distance.
         let focal = 0.5 * size * DVec2::new(clip_from_view.x_axis.x, clip_from_view.y_axis.y).abs();
         let pixels = focal.max_element() / if orthographic { 1.0 } else { near };
+        // As seen on the screen.
+        let [x, y] = [clip_from_view.x_axis, clip_from_view.y_axis];
+        let is_flipped = x.x * y.y < x.y * y.x;
         let axes = view_from_box.matrix3 * DMat3::from_diagonal((self.high - self.low).recip());
         let unit = axes.x_axis.length().min(axes.y_axis.length()).min(axes.z_axis.length());
         Some(Rays {
@@ -155,7 +158,7 @@ impl Pose {
             clip_from_box,
             low: self.low,
             high: self.high,
-            mirrored: (determinant < 0.0) != (world_from_view.matrix3.determinant() < 0.0),
+            mirrored: (determinant < 0.0) ^ (world_from_view.matrix3.determinant() < 0.0) ^ is_flipped,
         })
     }
 }

@@ -226,6 +226,32 @@ fn a_view_draws_no_props_when_memory_is_full() {
     assert_eq!(stage.capture().get_pixel(LARGE.x / 3, LARGE.y / 2).0, [255; 4]);
 }
 
+/// A device that binds smaller buffers than a view needs draws no props there.
+#[test]
+fn a_view_draws_no_props_if_the_device_cannot_bind_its_buffers() {
+    const LARGE: UVec2 = UVec2::splat(640);
+    let limits = wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, ..default() };
+    let fields = [corner(2, [1.0; 3]), corner(2, [0.5; 3])];
+    let mut stage = app(limits, |_| (), fields);
+    let palette = FieldPalette::from_colors([Color::BLACK, Color::WHITE]).unwrap();
+    for index in [0, 1] {
+        let (prop, field) = (stage.props[index], field(&stage, index));
+        stage.world().resource_mut::<Palettes>().insert(field, palette.clone());
+        stage.insert(prop, Posterize::paper());
+    }
+    stage.set(Transform::from_xyz(0.0, 0.5, 1.5));
+    stage.wait();
+    assert_eq!(colors(&mut stage)[0], [255; 3]);
+    stage.headless.resize(LARGE);
+    stage.update(3);
+    let frame = stage.headless.capture().map(|_| ());
+    assert!(matches!(frame, Err(HeadlessError::View(_))), "{frame:?}");
+    assert_eq!(stage.heard::<ViewFailed>().len(), 1);
+    stage.headless.resize(UVec2::splat(SIZE));
+    assert_eq!(colors(&mut stage)[0], [255; 3]);
+    assert!(stage.heard::<AppExit>().is_empty(), "the app quits");
+}
+
 /// If a buffer for sampling on the GPU does not fit, the CPU samples the field, and the app goes on.
 #[test]
 fn the_cpu_samples_fields_whose_histograms_the_driver_rejects() {

@@ -82,6 +82,9 @@ impl Cache {
         self.drawn = default();
         let words = 1 + u64::from(plan.posterizes) + u64::from(has_light);
         let size = scene_bytes(words, plan.rect.size);
+        if size > device.limits().max_storage_buffer_binding_size {
+            self.unchanged = 0;
+        }
         if self.unchanged == 0 {
             self.scene = None;
         } else if self.scene.as_ref().is_none_or(|scene| scene.size() != size) {

@@ -139,6 +139,9 @@ impl Textures {
             *idle = 0;
             return true;
         }
+        if size > device.limits().max_storage_buffer_binding_size {
+            return false;
+        }
         let created = self.allocator.create(device, || {
             device.create_buffer(&BufferDescriptor {
                 label: Some("plenoctree_view"),

@@ -204,8 +204,13 @@ pub(in crate::render) fn lights_layout() -> BindGroupLayoutDescriptor {
 type LightSettings =
     (&'static ExtractedCamera, Option<&'static ShadowFilteringMethod>, Has<DistanceFog>, Option<&'static Tonemapping>);
 
-fn find_lights(lamps: Query<(), With<ExtractedPointLight>>, mut views: Query<(&mut VisibleProps, LightSettings)>) {
+fn find_lights(
+    lights: Option<Res<LightMeta>>,
+    lamps: Query<(), With<ExtractedPointLight>>,
+    mut views: Query<(&mut VisibleProps, LightSettings)>,
+) {
     for (mut visible, (camera, method, has_fog, tonemapping)) in &mut views {
+        visible.has_lights = lights.is_some();
         visible.has_lamps = !lamps.is_empty();
         visible.has_hard_shadows = method == Some(&ShadowFilteringMethod::Hardware2x2);
         visible.has_fog = has_fog;

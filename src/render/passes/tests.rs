@@ -9,7 +9,7 @@ use plenoctree::{BakeSettings, Basis, bake};
 use super::*;
 use crate::{
     BilateralFilter, EdgeSmoothing, FieldPalette, Ink, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin,
-    Posterize, Prop, PropPlacement, PropQuality, Recolor,
+    Posterize, PosterizeView, Prop, PropPlacement, PropQuality, Recolor,
     gpu::LeftOut,
     headless::{Headless, exact_camera},
     render::{
@@ -107,6 +107,24 @@ fn views_of_one_prop_have_few_passes_that_write_few_bytes() {
         assert!(total <= most, "{what}: {total} bytes per pixel");
         passes.retain(|(name, _)| *name != labels::FILTER);
         assert_eq!(passes.into_iter().map(|(name, _)| name).collect::<Vec<_>>(), expected, "{what}");
+    }
+}
+
+/// While pipelines for new settings are compiled, a posterized view stays posterized, also without props.
+#[test]
+fn posterized_views_without_props_are_held() {
+    let (mut headless, camera) = app(None, |_| ());
+    let world = headless.app.world_mut();
+    let prop = world.query_filtered::<Entity, With<Prop>>().single(world).unwrap();
+    let field = world.get::<Prop>(prop).unwrap().0.clone();
+    let view_posterize = |softness: f32| (PosterizeView(field.clone()), Posterize { softness, ..hard() });
+    world.entity_mut(camera).insert(view_posterize(0.0));
+    world.entity_mut(prop).insert(Visibility::Hidden);
+    headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    headless.app.world_mut().entity_mut(camera).insert(view_posterize(0.1));
+    for frame in 0..6 {
+        headless.update();
+        assert!(view(&mut headless).plan.posterizes_view, "frame {frame}");
     }
 }
 

@@ -9,7 +9,7 @@ use super::{
 use crate::{
     camera::PropPlacement,
     gpu::{FieldShape, GpuField, Level},
-    render::extract::ExtractedProps,
+    render::extract::{ExtractedProp, ExtractedProps},
 };
 
 /// Returns the kinds of props that may be drawn soon, and the plan in which they would be: those of fields that are
@@ -22,13 +22,14 @@ pub(in crate::render) fn look_ahead(
     let visible = known.visible;
     let props = || visible.props.iter().filter_map(|index| extracted.props.get(*index));
     let in_scene = known.placement == PropPlacement::Scene;
+    let is_lit = |prop: &ExtractedProp| in_scene && visible.has_lights && prop.is_lit();
     let plan = Plan {
         samples: known.samples,
         target: Target { format: known.view.target_format, ..default() },
         // Programs of props that overlap no other bind nothing of this.
         overlaps: true,
         posterizes: visible.view_posterize.is_some() || props().any(|prop| prop.posterize.is_some()),
-        is_lit: in_scene && props().any(|prop| prop.is_lit()),
+        is_lit: props().any(is_lit),
         has_fog: in_scene && visible.has_fog,
         has_motion: in_scene && visible.has_motion,
         ..default()
@@ -38,7 +39,7 @@ pub(in crate::render) fn look_ahead(
         let unseen = || field.level(Level::default()).filter(|_| !shown.contains(&id));
         field.arriving_shape().or_else(|| Some(unseen()?.shape))
     });
-    let looks: HashSet<_> = props().map(|prop| (in_scene && prop.is_lit(), prop.recolor.is_some())).collect();
+    let looks: HashSet<_> = props().map(|prop| (is_lit(prop), prop.recolor.is_some())).collect();
     let overlaps = if visible.props.len() > 1 { &[false, true][..] } else { &[false] };
     let mut kinds = vec![];
     for shape in shapes.collect::<HashSet<FieldShape>>() {

@@ -127,7 +127,7 @@ pub(in crate::render) fn decide(
             let kind = Kind {
                 shape: seen.field.shape,
                 overlaps: found && overlaps,
-                is_lit: seen.prop.is_lit() && in_scene && has(Feature::Lighting),
+                is_lit: seen.prop.is_lit() && in_scene && visible.has_lights && has(Feature::Lighting),
                 may_recolor: seen.prop.recolor.is_some(),
             };
             PlannedProp {

@@ -220,7 +220,7 @@ impl Plan {
     /// may never compile.
     pub fn keeps(&self, feature: Feature) -> bool {
         match feature {
-            Feature::Base => !self.props.is_empty(),
+            Feature::Base => !self.props.is_empty() || self.posterizes_view,
             Feature::Fog => self.has_fog,
             Feature::Posterize => self.posterizes,
             Feature::Lighting => self.is_lit,

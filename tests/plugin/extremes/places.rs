@@ -37,7 +37,10 @@ fn cameras_on_faces_in_corners_and_inside() {
         DVec3::new(0.5, 0.5, 0.5),
         DVec3::new(0.1, -0.2, 0.3),
     ] {
-        stage.check(&field, &looking(position, DVec3::new(-0.4, -0.5, -0.6)), &format!("from {position}"));
+        let camera = looking(position, DVec3::new(-0.4, -0.5, -0.6));
+        stage.check(&field, &camera, &format!("from {position}"));
+        let mirror = PinholeCamera { focal_x: -camera.focal_x, ..camera };
+        stage.check(&field, &mirror, &format!("in a mirror, from {position}"));
     }
 }
 

@@ -6,7 +6,7 @@ use bevy::{
         core_3d::{main_opaque_pass_3d, main_transparent_pass_3d},
     },
     ecs::{schedule::ScheduleConfigs, system::ScheduleSystem},
-    pbr::ScreenSpaceTransmission,
+    pbr::{ScreenSpaceTransmission, main_transmissive_pass_3d},
     prelude::*,
     render::{
         RenderApp,
@@ -114,12 +114,19 @@ fn props_are_drawn_after_the_sky_and_before_other_main_passes() {
     struct BeforeProps;
     let between =
         |system: ScheduleConfigs<ScheduleSystem>| system.after(main_opaque_pass_3d).before(main_transparent_pass_3d);
-    for (what, in_main_pass, is_ordered) in [("sky", false, false), ("main pass", true, false), ("ordered", true, true)]
-    {
+    for (what, in_main_pass, follows_glass, is_ordered, is_over_paint) in [
+        ("sky", false, false, false, true),
+        ("main pass", true, false, false, false),
+        ("behind the main pass's own", false, true, false, false),
+        ("ordered", true, false, true, true),
+    ] {
         let mut stage = Sides::with(|app| {
             let mut painting = between(paint(wgpu::Color::BLUE).into_configs());
             if in_main_pass {
                 painting = painting.in_set(Core3dSystems::MainPass);
+            }
+            if follows_glass {
+                painting = painting.after(main_transmissive_pass_3d);
             }
             // An order that somebody asks for takes precedence.
             if is_ordered {
@@ -131,9 +138,11 @@ fn props_are_drawn_after_the_sky_and_before_other_main_passes() {
         });
         stage.spawn_prop(&cube(density(0.4), GREEN), ());
         stage.wait();
-        stage.check(what, |_, place| {
-            let is_over = in_cube(place) && (!in_main_pass || is_ordered);
-            if is_over { DVec3::Z.lerp(GREEN, 0.4) } else { DVec3::Z }
-        });
+        stage.check(
+            what,
+            |_, place| {
+                if in_cube(place) && is_over_paint { DVec3::Z.lerp(GREEN, 0.4) } else { DVec3::Z }
+            },
+        );
     }
 }

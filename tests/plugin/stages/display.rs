@@ -17,7 +17,7 @@ use bevy::{
         view::{ColorGrading, ColorGradingGlobal, ViewTarget},
     },
 };
-use bevy_plenoctree::{PlenOctreePlugin, Posterize, PropPlacement, headless::exact_camera};
+use bevy_plenoctree::{PlenOctreePlugin, PlenOctreeRenderSystems, Posterize, PropPlacement, headless::exact_camera};
 use image::imageops::crop_imm;
 
 use super::scene::{
@@ -237,4 +237,16 @@ fn effects_of_other_plugins_run_first() {
         scene.set(PropPlacement::Scene);
         assert_near(middle(&scene.capture()), Color::WHITE, 0, "the prop in the scene");
     }
+}
+
+/// Unless somebody orders them after props.
+#[test]
+fn effects_that_are_ordered_after_props_run_last() {
+    let mut scene = scene_with(SOLID, |app| {
+        let props = PlenOctreeRenderSystems::Present(PropPlacement::Display);
+        let white = paint(wgpu::Color::WHITE).in_set(Core3dSystems::PostProcess).after(props);
+        app.add_plugins(PlenOctreePlugin).sub_app_mut(RenderApp).add_systems(Core3d, white);
+    });
+    scene.set(PropPlacement::Display);
+    assert_near(middle(&scene.capture()), Color::WHITE, 0, "the prop");
 }
