@@ -37,9 +37,9 @@ pub enum PropPlacement {
     /// Draws props after tonemapping and all other effects, below the UI. Palette colors reach the screen exactly,
     /// regardless of `Hdr`, `Tonemapping`, bloom, dithering and exposure. Temporal jitter does not move props.
     ///
-    /// Opaque meshes still occlude props. Transparent objects are drawn once more and blended over props, in every
-    /// `AlphaMode` as in the scene, but without tonemapping; those behind solid parts are hidden. Objects with
-    /// `specular_transmission` are covered by props. Depth is written at this point as well, so depth of field, fog,
+    /// Opaque meshes still occlude props. Transparent objects are drawn again, blended over props, in every `AlphaMode`
+    /// as in the scene, but without tonemapping. Those behind solid parts are hidden. Props cover objects with
+    /// `specular_transmission`. Depth is written at this point as well, so depth of field, fog,
     /// temporal antialiasing and other effects do not see it. Cameras whose main pass has a different resolution
     /// (`MainPassResolutionOverride`) draw their props at [`Self::Scene`] instead.
     Display,

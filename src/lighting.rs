@@ -7,12 +7,13 @@ pub const MAX_BANDS: u32 = 8;
 /// The maximum of [`PropLighting::brightness`].
 pub const MAX_BRIGHTNESS: f32 = 16.0;
 
-/// Lets the shadows and the lights of the scene fall on a [`Prop`](crate::Prop). Requires the feature `shadows`.
+/// Lets the shadows and the lights of the scene fall on a [`Prop`](crate::Prop). Requires the feature `shadows`,
+/// and Bevy's `PbrPlugin`.
 ///
 /// Props without it keep the light that they were trained with, wherever they are. Props with it keep that light too,
 /// as their own shading, and get darker where something else blocks the scene's lights. Lights are weighted by how much
-/// of their light would arrive; ambient light does not count, and lights without shadow maps are never blocked. With a
-/// [`brightness`](Self::brightness), props also get brighter where light falls on them.
+/// of their light would arrive; ambient light does not count for shadows, and lights without shadow maps are never
+/// blocked. With a [`brightness`](Self::brightness), props also get brighter where light falls on them.
 ///
 /// Nothing inside the box around a prop's leaves casts a shadow on it, neither its own parts nor a mesh that it holds:
 /// the shadows of its own parts are already in its colors. [`self_shadow_distance`](Self::self_shadow_distance) changes
@@ -55,8 +56,8 @@ pub struct PropLighting {
     ///
     /// Defaults to 1: a pixel is in shadow where half of the light is missing. Clamped to 1..=[`MAX_BANDS`].
     pub bands: u32,
-    /// The distance on the way to a light, in world units, from which the prop's own parts cast shadows on the prop,
-    /// and so do objects inside the box around its leaves. Nothing outside the box is ever skipped.
+    /// The minimum distance toward a light, in world units, at which the prop's own parts, and objects inside the box
+    /// around its leaves, cast shadows on it. Nothing outside the box is ever skipped.
     ///
     /// The colors of a field already contain the shadows that its parts cast when it was trained, so this adds to them.
     /// Use it if the scene's lights come from elsewhere: the side that faces away from a light gets dark, and a cap

@@ -118,7 +118,7 @@ pub enum BorderSmoothing {
     Off,
 }
 
-/// What is drawn of a posterized prop while the palette of its field is being loaded or extracted.
+/// What is drawn of a posterized or recolored prop while the palette of its field is being loaded or extracted.
 ///
 /// If no palette can be extracted, the prop is drawn as trained.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect, VariantDefaults)]
@@ -269,9 +269,9 @@ pub struct BilateralFilter {
     ///
     /// Defaults to 2. Clamped to 0..=[`MAX_FILTER_RADIUS`].
     pub radius: u32,
-    /// How many pixels it reads on each side. If there are more within the radius, they are spread over it, and the
-    /// nearest may be skipped: four of 6 are 2, 3, 5 and 6 pixels away. The cost of an iteration depends on the taps, not
-    /// on the radius.
+    /// The number of pixels to read on each side. If the radius contains more, they are spread over it and may skip the
+    /// nearest ones: with a radius of 6, four taps read the pixels at distances 2, 3, 5 and 6. The cost of an iteration
+    /// depends on the taps, not on the radius.
     ///
     /// Defaults to [`MAX_FILTER_RADIUS`], which skips none. Clamped to 1..=[`MAX_FILTER_RADIUS`].
     pub taps: u32,

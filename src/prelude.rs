@@ -5,5 +5,5 @@ pub use crate::PropLighting;
 pub use crate::{
     BlendSpace, FieldPalette, Ink, PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
     PosterizeView, Prop, PropHit, PropPath, PropPlacement, PropProgress, PropQuality, PropRayCast, PropState, PropTint,
-    Recolor, props_progress, props_ready,
+    RampAdjustment, Recolor, SolidOpacity, Wish, props_progress, props_ready,
 };

@@ -65,7 +65,7 @@ pub struct PropQuality {
     pub edge_rays: u32,
     /// Whether to estimate how much of an edge pixel a prop covers from the opacity around it, where that suffices,
     /// instead of casting rays. It suffices where cells are larger than two or three pixels, and no other prop is near:
-    /// opacity then changes gradually across edges. That leaves about 0.03 more of the error of hard edges.
+    /// opacity then changes gradually across edges. The error that remains grows by about 0.03 of that of hard edges.
     ///
     /// Defaults to true, unlike [`EXACT`](Self::EXACT).
     pub estimates_edges: bool,

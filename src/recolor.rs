@@ -8,7 +8,7 @@ use crate::posterize::{BeforePalette, Posterize};
 /// colors follow changes of the palette: a photographed helmet takes on a team color and still looks like a photograph.
 ///
 /// Each color is a weighted mix of nearby palette colors, and moves in Oklab as they do (section 4 of the method, step
-/// 9). So textures stay, there are no seams between ramps, and colors near which nothing has changed stay as they are,
+/// 9). So textures stay, ramps meet without seams, and colors near which no palette color has changed stay the same,
 /// bit for bit.
 ///
 /// Uses the palette of the prop's field in [`Palettes`](crate::Palettes), with the

@@ -73,9 +73,9 @@ pub struct CaptureSettings {
     /// [`Axis::NegativeY`] by default, with a warning if the file says otherwise. With `None`, the field keeps the
     /// coordinates of the capture.
     pub stand: Option<Axis>,
-    /// The axes of an SPZ file that does not record them. With [`SpzAxes::Unknown`], the default,
-    /// [`SpzAxes::RightUpBack`], with a warning: splat-transform 3, SuperSplat and Niantic's `ply_to_spz` write
-    /// [`SpzAxes::RightDownFront`], and such a file comes out upside down.
+    /// The axes of an SPZ file that does not record them. [`SpzAxes::Unknown`], the default, reads it as
+    /// [`SpzAxes::RightUpBack`] and logs a warning. Files of splat-transform 3, SuperSplat and Niantic's `ply_to_spz`
+    /// then come out upside down: they need [`SpzAxes::RightDownFront`].
     pub spz_axes: SpzAxes,
 }
 

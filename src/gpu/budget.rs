@@ -8,9 +8,9 @@ use std::time::Duration;
 /// Fields, and the levels that cameras request, are prepared in the background, and copied to the GPU in slices of
 /// about one mebibyte. At least one slice is copied in every frame. A larger budget lets fields arrive sooner.
 ///
-/// The budget is for 60 frames per second. Frames that take longer get proportionally more, so that fields arrive just
-/// as soon. If the GPU is emulated in software, frames get less, because the driver copies every slice once more on the
-/// same cores.
+/// The budget is for 60 frames per second. Frames that take longer get proportionally more, so that fields arrive
+/// equally fast. If the GPU is emulated in software, frames get less, because the driver copies every slice once more
+/// on the same cores.
 ///
 /// Defaults to 2 ms. With `None`, everything that is ready is copied at once, which is meant for apps without a window.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, ExtractResource, Reflect)]

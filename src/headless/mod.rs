@@ -165,8 +165,8 @@ impl Headless {
         self.poll();
     }
 
-    /// Runs one frame in which no camera draws. Systems of the app do not notice. On a GPU that is emulated in
-    /// software, it takes far less time than one that is drawn.
+    /// Runs one frame in which no camera draws. The app's systems cannot tell the difference. On a GPU that is emulated
+    /// in software, it takes far less time than one that is drawn.
     pub fn update_without_drawing(&mut self) {
         let apps = self.app.sub_apps_mut();
         apps.main.run_default_schedule();

@@ -26,6 +26,7 @@ use wgpu::{Backends, Instance, InstanceDescriptor, RequestAdapterOptions};
 /// It contains only the plugins that props need: tasks, time, transforms, diagnostics, input, windows, assets, the
 /// renderer, images, meshes, cameras and the core pipelines. Add `LitMeshPlugins` (feature `headless-lit`) for meshes
 /// with Bevy's materials, lights, shadows, gizmos, and effects such as bloom, and Bevy's `LogPlugin` for log messages.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct HeadlessPlugins;
 
 impl PluginGroup for HeadlessPlugins {
@@ -60,6 +61,7 @@ impl PluginGroup for HeadlessPlugins {
 /// });
 /// ```
 #[cfg(feature = "headless-lit")]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct LitMeshPlugins;
 
 #[cfg(feature = "headless-lit")]

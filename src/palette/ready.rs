@@ -32,8 +32,8 @@ pub struct PaletteReady {
     pub sampled: Option<SampleOrigin>,
 }
 
-/// A message that is written in [`PreUpdate`] when no palette could be extracted from a field. Its posterized props are
-/// drawn as trained, unless they have an earlier palette.
+/// A message that is written in [`PreUpdate`] when no palette could be extracted from a field. Its posterized and
+/// recolored props are drawn as trained, unless they have an earlier palette.
 #[derive(Message, Clone, Debug, PartialEq)]
 pub struct PaletteFailed {
     /// The field.

@@ -67,13 +67,12 @@ pub struct Palettes {
 /// never changes them. The *shown* colors appear on screen in their place, and are yours to change. Colors are indexed
 /// from 0, the heaviest first.
 ///
-/// The color on screen is the last of these that exists:
+/// Of these, the color on screen is the last one that exists, multiplied by the entity's
+/// [`PropTint`](crate::PropTint):
 ///
 /// 1. the source colors,
 /// 2. the shown colors, which all props of the field share,
-/// 3. the colors of the entity's [`PaletteOverride`](crate::PaletteOverride),
-///
-/// multiplied by its [`PropTint`](crate::PropTint).
+/// 3. the colors of the entity's [`PaletteOverride`](crate::PaletteOverride).
 #[derive(Clone, Debug, Reflect)]
 #[reflect(Clone, Debug)]
 #[type_path = "bevy_plenoctree"]
@@ -374,8 +373,8 @@ impl Palettes {
         self.assigned.push(id);
     }
 
-    /// Removes and returns the palette of a field. If a posterized prop or view uses the field, a palette is loaded
-    /// from the file next to the field or extracted, as at first.
+    /// Removes and returns the palette of a field. If a posterized or recolored prop or a posterized view uses the
+    /// field, a palette is loaded from the file next to the field or extracted, as at first.
     pub fn remove(&mut self, field: impl Into<AssetId<PlenOctree>>) -> Option<FieldPalette> {
         let id = field.into();
         self.files.remove(&id);

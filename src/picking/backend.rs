@@ -34,6 +34,7 @@ use crate::prop::Prop;
 ///     }
 /// }
 /// ```
+#[derive(Clone, Copy, Debug, Default)]
 pub struct PropPickingPlugin;
 
 impl Plugin for PropPickingPlugin {

@@ -39,9 +39,9 @@ pub struct PropHit {
 /// never does.
 ///
 /// Uses the fields and transforms of the main world, so it needs neither a GPU nor a camera. Transforms are those of
-/// the last frame, unless the system runs after Bevy's `TransformSystems::Propagate`. Props are hit as soon as their
-/// fields are loaded, even if [`PropState`](crate::PropState) says that they are not drawn yet, but hidden ones are
-/// not: apps with few plugins need Bevy's `TransformPlugin`, and `VisibilityPlugin` or an
+/// the last frame, unless the system runs after Bevy's `TransformSystems::Propagate`. Props can be hit as soon as their
+/// fields are loaded, even if [`PropState`](crate::PropState) says that they are not drawn yet. Hidden props are not
+/// hit. Apps without Bevy's `DefaultPlugins` need its `TransformPlugin`, and `VisibilityPlugin` or an
 /// `InheritedVisibility::VISIBLE` on each prop. A prop that was given another field is hit where its previous one is,
 /// as long as that is drawn. For pointer events, add `PropPickingPlugin` (feature `picking`).
 ///

@@ -6,8 +6,8 @@ use bevy::prelude::*;
 /// [`props_progress`](crate::props_progress) averages it over all fields.
 ///
 /// Every prop has this component; do not change it. It is updated together with [`PropState`](crate::PropState), and
-/// marked as changed only when it changes. While a prop waits for a field, no fraction falls. When a prop is ready or
-/// has failed, all are 1. Saved worlds do not contain it.
+/// marked as changed only when it changes. While a prop waits for a field, its fractions never fall. When a prop is
+/// ready or has failed, all are 1. Saved worlds do not contain it.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Default, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
