@@ -41,10 +41,7 @@ fn placed(prop: u32, pixel: Pixel) -> vec3<f32> {
 
 // Returns where a color, in encoded sRGB, is compared with labels.
 fn place_of_color(prop: u32, color: vec3<f32>) -> vec3<f32> {
-    if are_tones(prop) {
-        return tone_space(color);
-    }
-    return color;
+    return select(color, tone_space(color), are_tones(prop));
 }
 
 // Returns the place of a label. See `placed`.
