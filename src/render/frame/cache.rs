@@ -29,15 +29,16 @@ use bevy::{
 };
 
 use super::{
-    bind_groups::BindGroups,
-    buffers::ViewBuffers,
     pass::{CachedResult, Pass},
     slot::Slot,
-    textures::Textures,
+    textures::{Textures, bind},
 };
 use crate::{
     gpu::Shaders,
-    render::{plan::Plan, uniforms::ViewUniform},
+    render::{
+        plan::Plan,
+        uniforms::{ViewBuffers, ViewUniform},
+    },
 };
 
 /// What a view keeps.
@@ -119,7 +120,6 @@ impl Cache {
         scene: &TextureView,
         plan: &Plan,
         buffers: &ViewBuffers,
-        groups: &mut BindGroups,
         comparison: &Comparison,
         cache: &PipelineCache,
         ctx: &mut RenderContext,
@@ -132,13 +132,8 @@ impl Cache {
             return;
         };
         if let (Some(words), Some(pipeline)) = (words, pipeline) {
-            let device = ctx.render_device().clone();
-            let group = groups.get(
-                &device,
-                cache,
-                layout,
-                &[view, first_drawn, words.as_entire_binding(), BindingResource::TextureView(scene)],
-            );
+            let resources = [view, first_drawn, words.as_entire_binding(), BindingResource::TextureView(scene)];
+            let group = bind(ctx.render_device(), cache, layout, &resources);
             let encoder = ctx.command_encoder();
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor { label: Some(COMPARE), ..default() });
             pass.set_pipeline(pipeline);
