@@ -113,18 +113,23 @@ impl Cache {
         self.first_drawn <= result as usize
     }
 
-    /// Compares the scene, or the light on props, with what it was, before the passes of a result.
+    /// Compares the scene, or the light on props, with what it was, before the passes of a result. Notes that these draw
+    /// it, unless it is as it was.
     pub fn compare(
         &mut self,
         result: CachedResult,
-        scene: &TextureView,
+        scene: Option<&TextureView>,
         plan: &Plan,
         buffers: &ViewBuffers,
-        comparison: &Comparison,
+        comparison: Option<&Comparison>,
         cache: &PipelineCache,
         ctx: &mut RenderContext,
     ) {
         let index = result as usize;
+        self.drawn[index] = Some(self.keys[index]);
+        let (Some(scene), Some(comparison)) = (scene, comparison) else {
+            return;
+        };
         let words = self.scene.as_ref().filter(|_| index < self.unchanged);
         let (layout, id) = comparison.of(result, plan.samples);
         let pipeline = cache.get_compute_pipeline(*id);
@@ -144,11 +149,6 @@ impl Cache {
         } else {
             self.knows[index] = false;
         }
-    }
-
-    /// Notes that a result was drawn, or is as it was.
-    pub fn finish(&mut self, result: CachedResult) {
-        self.drawn[result as usize] = Some(self.keys[result as usize]);
     }
 }
 

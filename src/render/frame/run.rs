@@ -9,7 +9,7 @@ use bevy::{
             BindGroup, BindingResource, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
             RenderPassDepthStencilAttachment, RenderPassDescriptor, StoreOp,
         },
-        renderer::{RenderContext, RenderDevice, ViewQuery},
+        renderer::{RenderContext, ViewQuery},
         view::{ViewDepthTexture, ViewTarget},
     },
 };
@@ -85,7 +85,6 @@ type Others = (&'static ViewTarget, &'static ViewDepthTexture, Option<&'static V
 
 /// What passes need.
 struct Frame<'a> {
-    device: &'a RenderDevice,
     cache: &'a PipelineCache,
     pipelines: &'a Pipelines,
     palettes: &'a PaletteBuffer,
@@ -108,9 +107,7 @@ pub(in crate::render) fn run(
     if view.plan.placement != *placement && *place != Place::Layer {
         return;
     }
-    let device = ctx.render_device().clone();
-    let frame =
-        Frame { device: &device, cache: &cache, pipelines: &pipelines, palettes: &palettes, target, depth, prepass };
+    let frame = Frame { cache: &cache, pipelines: &pipelines, palettes: &palettes, target, depth, prepass };
     view.is_drawn = true;
     let passes = std::mem::take(&mut view.passes);
     compare(*place, &mut view, &frame, &mut ctx);
@@ -146,17 +143,15 @@ fn compare(place: Place, view: &mut PropView, frame: &Frame, ctx: &mut RenderCon
             CachedResult::Composite => plan.posterizes.then(|| frame.target.main_texture_view()),
             CachedResult::Labels => Slot::of_light(plan).and_then(|slot| textures.get(slot)),
         };
-        if let (Some(comparison), Some(scene)) = (&frame.pipelines.comparison, scene) {
-            cached.compare(*result, scene, plan, buffers, comparison, frame.cache, ctx);
-        }
-        cached.finish(*result);
+        let comparison = frame.pipelines.comparison.as_ref();
+        cached.compare(*result, scene, plan, buffers, comparison, frame.cache, ctx);
     }
 }
 
 /// Draws a pass. Returns `None` if something is missing.
 fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext) -> Option<()> {
     let PropView { plan, textures, buffers, cached, lights, .. } = view;
-    let (device, cache) = (frame.device, frame.cache);
+    let cache = frame.cache;
     for slot in &pass.zeroes {
         ctx.command_encoder().clear_buffer(textures.buffer(*slot)?, 0, None);
     }
@@ -207,7 +202,7 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
             };
             let resources: Option<Vec<_>> = slots.iter().map(resource).collect();
             let layout = frame.pipelines.bound_layout(pass.name, access, slots);
-            Some(bind(device, cache, &layout, &resources?))
+            Some(bind(ctx.render_device(), cache, &layout, &resources?))
         })
         .collect::<Option<_>>()?;
     let first = match pass.group {
@@ -224,7 +219,8 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
                 let batches = [Slot::BatchCounts, elements].map(|slot| textures.buffer(slot));
                 resources.extend(batches.into_iter().flatten().map(|buffer| buffer.as_entire_binding()));
             }
-            Some((bind(device, cache, &frame.pipelines.first_layout(group), &resources), &[][..]))
+            let layout = frame.pipelines.first_layout(group);
+            Some((bind(ctx.render_device(), cache, &layout, &resources), &[][..]))
         }
     };
     let area = pass.area(plan);

@@ -14,7 +14,7 @@ use bevy::{
     },
     prelude::*,
     render::{
-        Render,
+        Render, RenderSystems,
         camera::ExtractedCamera,
         globals::{GlobalsBuffer, GlobalsUniform},
         render_asset::RenderAssets,
@@ -210,10 +210,8 @@ pub(super) fn plugin(render_app: &mut SubApp) {
     render_app.add_systems(
         Render,
         (
-            find_lights
-                .before(PlenOctreeRenderSystems::PlanViews)
-                .in_set(bevy::render::RenderSystems::PrepareResources),
-            bind_lights.run_if(resource_exists::<LightMeta>).in_set(bevy::render::RenderSystems::PrepareBindGroups),
+            find_lights.before(PlenOctreeRenderSystems::PlanViews).in_set(RenderSystems::PrepareResources),
+            bind_lights.run_if(resource_exists::<LightMeta>).in_set(RenderSystems::PrepareBindGroups),
         ),
     );
 }

@@ -61,7 +61,7 @@ pub(in crate::render) fn look_ahead(known: &Known) -> (Plan, Vec<Kind>) {
         // Programs of props that overlap no other bind nothing of this.
         overlaps: true,
         posterizes: visible.view_posterize.is_some() || props().any(|prop| prop.posterize.is_some()),
-        is_lit: in_scene && props().any(|prop| prop.is_lit()),
+        is_lit: in_scene && props().any(|prop| prop.lighting.is_some()),
         has_fog: in_scene && visible.has_fog,
         has_motion: in_scene && visible.has_motion,
         ..default()
@@ -71,7 +71,7 @@ pub(in crate::render) fn look_ahead(known: &Known) -> (Plan, Vec<Kind>) {
         let unseen = || field.level(Level::default()).filter(|_| !shown.contains(&id));
         field.arriving_shape().or_else(|| Some(unseen()?.shape))
     });
-    let looks: HashSet<_> = props().map(|prop| (in_scene && prop.is_lit(), prop.recolor.is_some())).collect();
+    let looks: HashSet<_> = props().map(|prop| (in_scene && prop.lighting.is_some(), prop.recolor.is_some())).collect();
     let overlaps = if visible.props.len() > 1 { &[false, true][..] } else { &[false] };
     let mut kinds = vec![];
     for shape in shapes.collect::<HashSet<FieldShape>>() {

@@ -122,7 +122,7 @@ pub(in crate::render) fn decide(known: &Known, missing: &[Feature], held: Option
             let kind = Kind {
                 shape: seen.field.shape,
                 overlaps: found && overlaps,
-                is_lit: seen.prop.is_lit() && in_scene && has(Feature::Lighting),
+                is_lit: seen.prop.lighting.is_some() && in_scene && has(Feature::Lighting),
                 may_recolor: seen.prop.recolor.is_some(),
             };
             PlannedProp {
