@@ -3,17 +3,12 @@
 #import bevy_plenoctree::color::{decode, encode, tinted}
 #import bevy_plenoctree::edge::{FAINTEST, RAYS, bits_of, neighbor, parts_of, word_at}
 #import bevy_plenoctree::filter_texel::unpack
-#ifdef INK
 #import bevy_plenoctree::ink::{ink_at, inked, surface_at}
-#endif
 #import bevy_plenoctree::labels::{are_tones, assign, place_of_color, shown_opacity}
 #import bevy_plenoctree::recolor::recolored_in_tint
-#ifdef RESOLVED
-#import bevy_plenoctree::scene::share_before
-#endif
 #import bevy_plenoctree::shade::shade_of_owner
 #import bevy_plenoctree::target::from_target
-#import bevy_plenoctree::view::{haze_prop, is_drawn, is_solid, labelings, props, view}
+#import bevy_plenoctree::view::{haze_prop, is_drawn, is_solid, labelings, props, share_before, view}
 
 // The results of the label pass.
 @group(1) @binding(0) var shown: texture_2d<f32>;

@@ -4,8 +4,7 @@
 #import bevy_plenoctree::batch::{
     AGREES, EMPTY, GAPS_ACROSS, MOST_GAPS, SPACING, batch_of, pack_gap, ray_around,
 }
-#import bevy_plenoctree::scene::scene_depth_at
-#import bevy_plenoctree::view::{is_solid, unpack_owner, view}
+#import bevy_plenoctree::view::{is_solid, scene_depth_at, unpack_owner, view}
 
 @group(1) @binding(0) var layer: texture_2d<f32>;
 @group(1) @binding(1) var owner: texture_2d<f32>;

@@ -2,6 +2,8 @@
 // decodes.
 #define_import_path bevy_plenoctree::color
 
+#import bevy_render::color_operations::linear_rgb_to_oklab
+
 // Rounds to the nearest half float. Devices may truncate what they store in half-float textures, and a value that is
 // truncated in each pass of the filter drifts.
 fn to_half(value: vec4<f32>) -> vec4<f32> {
@@ -47,18 +49,7 @@ fn cielab(encoded: vec3<f32>) -> vec3<f32> {
 
 // Converts encoded sRGB to Oklab.
 fn oklab(encoded: vec3<f32>) -> vec3<f32> {
-    let linear = decode(encoded);
-    let lms = vec3(
-        dot(linear, vec3(0.4122214708, 0.5363325363, 0.0514459929)),
-        dot(linear, vec3(0.2119034982, 0.6806995451, 0.1073969566)),
-        dot(linear, vec3(0.0883024619, 0.2817188376, 0.6299787005)),
-    );
-    let root = sign(lms) * pow(abs(lms), vec3(1.0 / 3.0));
-    return vec3(
-        dot(root, vec3(0.2104542553, 0.7936177850, -0.0040720468)),
-        dot(root, vec3(1.9779984951, -2.4285922050, 0.4505937099)),
-        dot(root, vec3(0.0259040371, 0.7827717662, -0.8086757660)),
-    );
+    return linear_rgb_to_oklab(max(decode(encoded), vec3(0.0)));
 }
 
 // How much more a difference of chroma counts than one of lightness. Matches `plenoctree::palette::tone_space`.

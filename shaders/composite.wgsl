@@ -2,9 +2,7 @@
 // labels are tones, on the layer alone. With OUTLINE, it also finds the pixels at the edges of props.
 
 #import bevy_plenoctree::filter_texel::{pack, pack_filtered}
-#ifdef OUTLINE
 #import bevy_plenoctree::edge_owners::edge_at
-#endif
 #import bevy_plenoctree::target::composited
 #import bevy_plenoctree::view::{filters, owner_of, screen, view}
 

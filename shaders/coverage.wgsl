@@ -9,9 +9,9 @@
 #import bevy_plenoctree::octree::{begin, density, field, has_ended, next_leaf}
 #import bevy_plenoctree::prop_ray::{Varying, position_of, ray_at}
 #import bevy_plenoctree::radiance::{Harmonics, harmonics, radiance}
-#import bevy_plenoctree::scene::scene_depth_at
 #import bevy_plenoctree::view::{
-    FAR_AWAY, Prop, distance_from_depth, is_in_haze, is_solid, owner_of, props, solid_depth_at_distance, view,
+    FAR_AWAY, Prop, distance_from_depth, is_in_haze, is_solid, owner_of, props, scene_depth_at, solid_depth_at_distance,
+    view,
 }
 
 // The results of the outline pass: which pixels need rays, a bit each, and the owners of all.

@@ -12,9 +12,7 @@
 }
 #import bevy_pbr::shadows::fetch_directional_shadow
 #import bevy_plenoctree::color::{decode, encode, to_half}
-#ifdef SMOOTH
 #import bevy_plenoctree::edge::{bits_of, parts_of, word_at}
-#endif
 #import bevy_plenoctree::target::light_of
 #import bevy_plenoctree::view::{Screen, View, is_solid, unpack_haze}
 

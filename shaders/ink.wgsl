@@ -5,8 +5,7 @@
 #define_import_path bevy_plenoctree::ink
 
 #import bevy_plenoctree::labels::{RAMPS, ramp_of}
-#import bevy_plenoctree::scene::scene_depth_at
-#import bevy_plenoctree::view::{colors, is_solid, labelings, props, view, distance_from_depth}
+#import bevy_plenoctree::view::{colors, distance_from_depth, is_solid, labelings, props, scene_depth_at, view}
 
 const INK_SILHOUETTE: u32 = 1u;
 const INK_CREASES: u32 = 2u;

@@ -13,6 +13,9 @@ struct Label {
     share: f32,
 }
 
+// The part of the steadiness that counts where a border between labels may have moved. See `Posterize::steadiness`.
+const MOVED: f32 = 0.5;
+
 // The largest number of ramps. Larger ones than their indices stand for a color each that is in no ramp.
 const RAMPS: u32 = 64u;
 
@@ -41,10 +44,7 @@ fn placed(prop: u32, pixel: Pixel) -> vec3<f32> {
 
 // Returns where a color, in encoded sRGB, is compared with labels.
 fn place_of_color(prop: u32, color: vec3<f32>) -> vec3<f32> {
-    if are_tones(prop) {
-        return tone_space(color);
-    }
-    return color;
+    return select(color, tone_space(color), are_tones(prop));
 }
 
 // Returns the place of a label. See `placed`.

@@ -1,10 +1,8 @@
 // The present pass: writes the output of the label pass, or of custom stages, to the view's target.
 
+#import bevy_plenoctree::edge::{bits_of, parts_of, word_at}
 #import bevy_plenoctree::target::to_target
 #import bevy_plenoctree::view::{is_drawn, view}
-#ifdef SAMPLES
-#import bevy_plenoctree::edge::{bits_of, parts_of, word_at}
-#endif
 
 @group(1) @binding(0) var colors: texture_2d<f32>;
 #ifdef SAMPLES

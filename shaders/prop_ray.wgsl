@@ -1,16 +1,11 @@
 // The ray of a pixel into a prop, for the passes that march.
 #define_import_path bevy_plenoctree::prop_ray
 
-#ifdef BATCHED
 #import bevy_plenoctree::batch::{
     BATCH, GAPS_ACROSS, MOST_GAPS, PIXELS_OF_GAP, SPACING, batch_of, counts, index_in_batch, unpack_gap,
 }
-#endif
 #import bevy_plenoctree::octree::{Crossing, Ray, begin, clip, density, field, has_ended, make_ray, next_leaf}
-#ifndef SHADOW_MAP
-#import bevy_plenoctree::scene::scene_depth_at
-#endif
-#import bevy_plenoctree::view::{Prop, props, solid_depth, view, distance_from_depth}
+#import bevy_plenoctree::view::{Prop, distance_from_depth, props, scene_depth_at, solid_depth, view}
 
 // What `box.wgsl` passes to fragments.
 struct Varying {

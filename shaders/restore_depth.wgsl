@@ -1,8 +1,7 @@
 // Restores the depth of the scene where it hid transparent objects.
 
 #import bevy_plenoctree::prop_pixels::shows_props
-#import bevy_plenoctree::scene::scene_depth
-#import bevy_plenoctree::view::view
+#import bevy_plenoctree::view::{scene_depth, view}
 
 struct Varying {
     @builtin(position) position: vec4<f32>,

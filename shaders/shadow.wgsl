@@ -1,10 +1,7 @@
 // The shadow pass: finds where a prop is solid along the rays of a light. Marches through densities alone, or reads from
 // a tile what earlier rays have found.
 
-#import bevy_plenoctree::prop_ray::Varying
-#ifndef FROM_TILE
-#import bevy_plenoctree::prop_ray::{march_to_solid, prop_ray}
-#endif
+#import bevy_plenoctree::prop_ray::{Varying, march_to_solid, prop_ray}
 #import bevy_plenoctree::view::{props, solid_depth}
 
 #ifdef FROM_TILE

@@ -1,9 +1,6 @@
 // Writes what transparent objects are blended over: the target, with the props.
 
-#ifdef MULTISAMPLED
-#import bevy_plenoctree::scene::{scene_depth_at, share_before}
-#import bevy_plenoctree::view::{is_drawn, is_solid, view}
-#endif
+#import bevy_plenoctree::view::{is_drawn, is_solid, scene_depth_at, share_before, view}
 
 // It has the size of what is written.
 @group(1) @binding(0) var scene: texture_2d<f32>;

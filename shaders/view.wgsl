@@ -125,7 +125,7 @@ struct Labels {
     smooth_borders: u32,
     // 1 if any shown color is not the source color, otherwise 0.
     recolors: u32,
-    // How much nearer another label must be than that of the former frame. See `steady.wgsl`.
+    // How much nearer another label must be than that of the former frame. See `steadied` of `label.wgsl`.
     steadiness: f32,
     ink: Ink,
     former: FormerPlace,
@@ -141,6 +141,13 @@ struct Labels {
 // The first result that must be drawn. Those after it are made from it, and those before it are still valid. See
 // `src/render/frame/cache.rs`.
 @group(0) @binding(6) var<uniform> first_drawn: u32;
+
+// The depth of the scene, for the passes that read it.
+#ifdef MULTISAMPLED
+@group(0) @binding(7) var scene_depth: texture_depth_multisampled_2d;
+#else
+@group(0) @binding(7) var scene_depth: texture_depth_2d;
+#endif
 
 // The position of vertices if nothing must be drawn.
 const NOWHERE: vec4<f32> = vec4(2.0, 2.0, 2.0, 1.0);
@@ -160,6 +167,23 @@ fn depth_from_buffer(value: f32) -> f32 {
 fn buffer_from_depth(depth: f32) -> f32 {
     return view.depth_range.x + depth * view.depth_range.y;
 }
+
+// Returns the depth of the scene at a sample of a pixel of the viewport.
+fn scene_depth_at(pixel: vec2<u32>, sample: u32) -> f32 {
+    return depth_from_buffer(textureLoad(scene_depth, pixel + view.corner, sample));
+}
+
+#ifdef MULTISAMPLED
+// Returns the share of a pixel's samples at which a mesh is before this depth.
+fn share_before(pixel: vec2<u32>, depth: f32) -> f32 {
+    let samples = textureNumSamples(scene_depth);
+    var count = 0u;
+    for (var i = 0u; i < samples; i++) {
+        count += select(0u, 1u, scene_depth_at(pixel, i) > depth);
+    }
+    return f32(count) / f32(samples);
+}
+#endif
 
 // Returns the distance along the view axis for a depth (reverse z).
 fn distance_from_depth(ndc: f32) -> f32 {

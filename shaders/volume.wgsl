@@ -4,9 +4,7 @@
 #import bevy_plenoctree::octree::{absorbed, begin, density, has_ended, next_leaf}
 #import bevy_plenoctree::prop_ray::{PropRay, Varying, position_at, position_of, prop_ray, solid_depth_at}
 #import bevy_plenoctree::radiance::{harmonics, radiance}
-#ifdef RECOLORED
 #import bevy_plenoctree::recolor::recolored
-#endif
 #import bevy_plenoctree::view::{
     AS_TRAINED, IN_HAZE, OPAQUE, is_solid_prop, labelings, motion_of, pack_owner, pack_haze, props, shows_through, view,
 }

@@ -22,14 +22,10 @@ pub(super) struct PlacedColors {
     places: HashMap<(u64, usize), Place>,
     /// Where others were, by how many.
     free: HashMap<usize, Vec<usize>>,
-    /// Where the palettes of fields are, without overrides, that have been placed in this frame.
-    palettes: HashMap<AssetId<PlenOctree>, PlacedPalette>,
-    /// The [`version`]s of palettes of fields that have been placed in this frame with overrides.
+    /// The [`version`]s of palettes of fields that have been placed in this frame.
     versions: HashMap<AssetId<PlenOctree>, u64>,
-    /// Where palettes with overrides are, by the hash of both, so that ramps are moved only once.
-    overridden: HashMap<u64, Overridden>,
-    /// The source colors and the shown colors of the last palette. The memory is reused.
-    given: Vec<Vec4>,
+    /// Where palettes are, by the hash of them and their overrides, so that ramps are moved only once.
+    palettes: HashMap<u64, KnownPalette>,
 }
 
 struct Place {
@@ -37,10 +33,8 @@ struct Place {
     is_used: bool,
 }
 
-struct Overridden {
-    palette: PlacedPalette,
-    /// The key of its [`Place`].
-    place: (u64, usize),
+struct KnownPalette {
+    placed: PlacedPalette,
     is_used: bool,
 }
 
@@ -56,6 +50,8 @@ pub(super) struct PlacedPalette {
     pub first_place: u32,
     /// Whether any shown color is not the source color.
     pub is_changed: bool,
+    /// A number that is different for other colors, in whatever place.
+    pub hash: u64,
 }
 
 impl PlacedPalette {
@@ -79,35 +75,30 @@ impl PlacedColors {
             self.list.clear();
             self.free.clear();
         }
-        self.overridden.retain(|_, overridden| std::mem::take(&mut overridden.is_used));
-        self.palettes.clear();
+        self.palettes.retain(|_, known| std::mem::take(&mut known.is_used));
         self.versions.clear();
     }
 
-    /// Places the palette of a field with a prop's or a view's own colors, or once a frame without any: source colors
-    /// with their ramps, shown colors, the places of the source colors as tones, and these from dark to light, with
-    /// their indices. The last two are only computed for colors that the last frame did not have.
+    /// Places the palette of a field, with a prop's or a view's own colors if there are any: source colors with their
+    /// ramps, shown colors, the places of the source colors as tones, and these from dark to light, with their indices.
+    /// The last two are only computed for colors that the last frame did not have.
     pub fn place_palette(
         &mut self,
         field: AssetId<PlenOctree>,
         palette: &FieldPalette,
         own: Option<&PaletteOverride>,
     ) -> PlacedPalette {
-        if let (Some(placed), None) = (self.palettes.get(&field), own) {
-            return *placed;
-        }
-        let hash = own.map(|own| {
-            let version = *self.versions.entry(field).or_insert_with(|| version(palette));
-            let mut hasher = FixedHasher.build_hasher();
-            version.hash(&mut hasher);
+        let mut hasher = FixedHasher.build_hasher();
+        self.versions.entry(field).or_insert_with(|| version(palette)).hash(&mut hasher);
+        if let Some(own) = own {
             own.hash_colors(&mut hasher);
-            hasher.finish()
-        });
-        if let Some(known) = hash.and_then(|hash| self.overridden.get_mut(&hash))
-            && let Some(place) = self.places.get_mut(&known.place)
+        }
+        let hash = hasher.finish();
+        if let Some(known) = self.palettes.get_mut(&hash)
+            && let Some(place) = self.places.get_mut(&(known.placed.hash, 4 * known.placed.colors as usize))
         {
             (known.is_used, place.is_used) = (true, true);
-            return known.palette;
+            return known.placed;
         }
         let of = palette.palette();
         // Drop colors beyond the maximum, which shaders could not process in time.
@@ -115,10 +106,8 @@ impl PlacedColors {
         let count = source.len();
         // A color without a ramp is one by itself.
         let ramp = |color| of.ramp_of(color).unwrap_or(Palette::MAX_COLORS + color);
-        let mut given = std::mem::take(&mut self.given);
-        given.clear();
         let numbered = source.iter().enumerate();
-        given.extend(numbered.map(|(i, c)| glam::DVec3::from(*c).as_vec3().extend(ramp(i) as f32)));
+        let mut given: Vec<_> = numbered.map(|(i, c)| glam::DVec3::from(*c).as_vec3().extend(ramp(i) as f32)).collect();
         let encoded = |color: Color| Srgba::from(color).to_vec3().extend(0.0);
         given.extend(palette.shown().iter().take(count).map(|color| encoded(*color)));
         if let Some(own) = own {
@@ -129,8 +118,7 @@ impl PlacedColors {
             });
         }
         let is_changed = (0..count).any(|index| given[index].truncate() != given[count + index].truncate());
-        let place = (hash_of(&given), 4 * count);
-        let first_color = self.place_as(place, &given, || {
+        let first_color = self.place(&given, 4 * count, || {
             let places: Vec<Vec3> =
                 source.iter().map(|color| tone_space(glam::DVec3::from(*color)).as_vec3()).collect();
             let mut sorted: Vec<Vec4> =
@@ -138,26 +126,17 @@ impl PlacedColors {
             sorted.sort_by(|a, b| a.x.total_cmp(&b.x));
             places.iter().map(|place| place.extend(0.0)).chain(sorted).collect()
         });
-        self.given = given;
         let colors = count as u32;
         let first_place = if of.label_space() == LabelSpace::Encoded { first_color } else { first_color + 2 * colors };
-        let placed = PlacedPalette { first_color, colors, first_place, is_changed };
-        match hash {
-            Some(hash) => _ = self.overridden.insert(hash, Overridden { palette: placed, place, is_used: true }),
-            None => _ = self.palettes.insert(field, placed),
-        }
+        let placed = PlacedPalette { first_color, colors, first_place, is_changed, hash: hash_of(&given) };
+        self.palettes.insert(hash, KnownPalette { placed, is_used: true });
         placed
     }
 
     /// Returns the index of the first of `count` colors. They begin with the `given` ones, which determine the `rest`:
     /// that is only computed if they are new.
     pub fn place(&mut self, given: &[Vec4], count: usize, rest: impl FnOnce() -> Vec<Vec4>) -> u32 {
-        self.place_as((hash_of(given), count), given, rest)
-    }
-
-    fn place_as(&mut self, key: (u64, usize), given: &[Vec4], rest: impl FnOnce() -> Vec<Vec4>) -> u32 {
-        let count = key.1;
-        let place = self.places.entry(key).or_insert_with(|| {
+        let place = self.places.entry((hash_of(given), count)).or_insert_with(|| {
             let first = self.free.get_mut(&count).and_then(Vec::pop).unwrap_or_else(|| {
                 self.list.resize(self.list.len() + count, Vec4::ZERO);
                 self.list.len() - count
@@ -223,7 +202,7 @@ mod tests {
         source.gather_tones(&[0, 1], "cap").unwrap();
         let mut palette = FieldPalette::new(source);
         let mut placed = PlacedColors::default();
-        // Returns the number of overrides that are known, once a frame has placed palettes.
+        // Returns the number of palettes that are known, once a frame has placed palettes.
         let mut frame = |palette: &FieldPalette, owns: &[&PaletteOverride]| {
             placed.begin();
             for own in owns {
@@ -232,7 +211,7 @@ mod tests {
                 let expected = own.shown(palette).into_iter().map(|color| Srgba::from(color).to_vec3().extend(0.0));
                 assert_eq!(shown, expected.collect::<Vec<_>>());
             }
-            placed.overridden.len()
+            placed.palettes.len()
         };
         let [green, blue] = [Color::srgb(0.2, 0.7, 0.3), Color::srgb(0.2, 0.3, 0.9)]
             .map(|color| PaletteOverride::default().with_ramp("cap", color));

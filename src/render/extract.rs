@@ -62,12 +62,7 @@ pub(super) struct ExtractedProp {
 }
 
 impl ExtractedProp {
-    /// Returns whether the scene's lights fall on it.
-    pub fn is_lit(&self) -> bool {
-        self.lighting.is_some()
-    }
-
-    /// Returns whether they make it brighter.
+    /// Returns whether the scene's lights make it brighter.
     pub fn is_brightened(&self) -> bool {
         self.lighting.is_some_and(|lighting| lighting.brightness > 0.0)
     }

@@ -24,9 +24,10 @@ use bevy::{
 
 use super::{
     extract::{ExtractedProps, VisibleProps},
-    frame::{Comparison, Draw, PaletteBuffer, Pass, Pipelines, PropView, RaySet, Slot},
+    frame::{Comparison, Draw, Pass, Pipelines, PropView, RaySet, Slot},
     passes,
     plan::{Feature, Known, Plan, choose_levels, decide, drawn_viewport, look_ahead},
+    uniforms::PaletteBuffer,
 };
 use crate::{
     camera::PropPlacement,
@@ -118,7 +119,6 @@ pub(super) fn plan_views(
     let mut rests = false;
     for (camera_entity, camera, resolution, (jitter, previous, has_oit), mut visible, mut view) in &mut views {
         let view = &mut *view;
-        view.groups.begin();
         let known = camera.zip(camera.and_then(|(_, camera, _)| drawn_viewport(camera, resolution)));
         let Some(((extracted_view, camera, msaa), viewport)) = known.filter(|_| !visible.is_empty()) else {
             view.clear();
@@ -132,6 +132,8 @@ pub(super) fn plan_views(
         }
         let phase = phases.as_ref().and_then(|phases| phases.get(&extracted_view.retained_view_entity));
         let known = Known {
+            extracted: &extracted,
+            fields: &fields,
             view: extracted_view,
             camera,
             samples: msaa.samples(),
@@ -146,8 +148,8 @@ pub(super) fn plan_views(
             last: &view.plan,
             former: view.plan.former.as_ref().filter(|_| view.is_drawn),
         };
-        let (planned, left_out) = plan(&known, &mut view.held_frames, &extracted, &fields, &mut pipelines, &cache);
-        let (ahead, kinds) = look_ahead(&known, &extracted, &fields);
+        let (planned, left_out) = plan(&known, &mut view.held_frames, &mut pipelines, &cache);
+        let (ahead, kinds) = look_ahead(&known);
         passes::request(&ahead, &kinds, &mut pipelines, &cache);
         let Some((plan, passes)) = planned else {
             view.clear();
@@ -195,15 +197,13 @@ const MOST_HELD_FRAMES: u32 = 500;
 fn plan(
     known: &Known,
     held_frames: &mut u32,
-    extracted: &ExtractedProps,
-    fields: &RenderAssets<GpuField>,
     pipelines: &mut Pipelines,
     cache: &PipelineCache,
 ) -> (Option<(Plan, Vec<Pass>)>, LeftOut) {
     let (mut missing, mut left_out) = (vec![], LeftOut::Nothing);
     let mut may_hold = known.last.keeps(Feature::Base) && *held_frames < MOST_HELD_FRAMES;
     loop {
-        let Some(plan) = decide(known, &missing, None, extracted, fields) else {
+        let Some(plan) = decide(known, &missing, None) else {
             return (None, left_out);
         };
         // Textures of the scene follow these.
@@ -212,7 +212,7 @@ fn plan(
         let (passes, lack) = with_pipelines(&plan, known.last, pipelines, cache);
         if lack.was_drawn
             && std::mem::take(&mut may_hold)
-            && let Some(plan) = decide(known, &[], Some(known.last), extracted, fields)
+            && let Some(plan) = decide(known, &[], Some(known.last))
             && let (passes, Lack { is_any: false, .. }) = with_pipelines(&plan, known.last, pipelines, cache)
         {
             *held_frames += 1;

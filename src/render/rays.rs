@@ -207,18 +207,16 @@ mod tests {
 
     use super::*;
 
+    /// Returns the pose of a field whose leaves fill its cube.
+    fn pose(world_from_prop: GlobalTransform, up: UpAxis, frame: Frame) -> Pose {
+        Pose { world_from_prop, up, frame, low: DVec3::ZERO, high: DVec3::ONE, cells: 256.0 }
+    }
+
     /// The rays of a Bevy camera into a rotated, scaled and translated field are those of the same pinhole camera.
     #[test]
     fn rays_agree_with_a_pinhole_camera() {
         let frame = Frame::spanning(DVec3::new(-1.0, -2.0, -3.0), DVec3::new(2.0, 2.0, 1.0));
-        let pose = Pose {
-            world_from_prop: GlobalTransform::IDENTITY,
-            up: UpAxis::Z,
-            frame,
-            low: DVec3::ZERO,
-            high: DVec3::ONE,
-            cells: 256.0,
-        };
+        let pose = pose(GlobalTransform::IDENTITY, UpAxis::Z, frame);
         let viewport = UVec2::new(320, 200);
         let fov_x = 0.8_f64;
         let pinhole = PinholeCamera::new(viewport.x, viewport.y, fov_x, DMat4::IDENTITY).looking_at(
@@ -248,14 +246,7 @@ mod tests {
     #[test]
     fn props_without_a_volume_or_a_place_have_no_rays() {
         let has_rays = |prop: Transform, view: Transform, fov: f32| {
-            let pose = Pose {
-                world_from_prop: prop.into(),
-                up: UpAxis::Y,
-                frame: Frame::spanning(DVec3::ZERO, DVec3::ONE),
-                low: DVec3::ZERO,
-                high: DVec3::ONE,
-                cells: 256.0,
-            };
+            let pose = pose(prop.into(), UpAxis::Y, Frame::spanning(DVec3::ZERO, DVec3::ONE));
             let projection = Mat4::perspective_infinite_reverse_rh(fov, 1.0, 0.1);
             pose.rays(&view.into(), projection, UVec2::splat(8)).is_some()
         };

@@ -24,15 +24,7 @@ const LEAST_REST: f64 = 1.25;
 /// How bright each channel looks.
 const LUMA: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
-/// Source colors, the steps of their blends, and the factors of linear light in which they are seen.
-#[derive(PartialEq, Eq, Hash)]
-struct Key {
-    source: Vec<[u32; 4]>,
-    blend_steps: u32,
-    factors: Vec<u32>,
-}
-
-/// What each label shows, for each of these factors.
+/// What each label shows, for each factor of light.
 struct Table {
     shades: Vec<Shade>,
     is_used: bool,
@@ -41,7 +33,8 @@ struct Table {
 /// The colors of labels in these lights, in encoded sRGB.
 struct LitColors {
     colors: Vec<Vec4>,
-    is_used: bool,
+    /// Where they begin among the shades of this frame, if it has them.
+    first: Option<u32>,
 }
 
 /// What a label shows in a light: the shown color of a label, in so much of its linear light.
@@ -54,12 +47,10 @@ struct Shade {
 /// The shades of a view's palettes.
 #[derive(Default)]
 pub(super) struct Shades {
-    tables: HashMap<Key, Table>,
+    /// By the hash of the source colors, the steps of their blends, and the factors.
+    tables: HashMap<u64, Table>,
     /// By the hash of what they depend on.
     lit: HashMap<u64, LitColors>,
-    /// Where the shades of this frame's palettes begin in `colors`, by the palette's first color, the steps of its
-    /// blends, and the bits of the factors and of white.
-    begins: HashMap<(u32, u32, Vec<u32>), u32>,
     /// The shades of this frame, in encoded sRGB.
     pub colors: Vec<Vec4>,
 }
@@ -67,79 +58,63 @@ pub(super) struct Shades {
 /// The most shades of a frame: 64 MiB, half of what a WebGPU binding holds.
 const MOST_SHADES: usize = 1 << 22;
 
-/// A palette: its colors among others, and the steps of their blends.
-#[derive(Clone, Copy)]
-pub(super) struct ShadedPalette<'a> {
-    pub colors: &'a [Vec4],
-    pub first: u32,
-    pub count: u32,
-    pub blend_steps: u32,
-    /// What is shown is multiplied by this later, in linear light. If it is dark, shades may be brighter than white.
-    pub tint: Vec3,
-}
-
 impl Shades {
     /// Begins a frame.
     pub fn begin(&mut self) {
         self.tables.retain(|_, table| std::mem::take(&mut table.is_used));
-        self.lit.retain(|_, lit| std::mem::take(&mut lit.is_used));
-        self.begins.clear();
+        self.lit.retain(|_, lit| lit.first.take().is_some());
         self.colors.clear();
     }
 
     /// Returns where in [`Self::colors`] the shades of a palette begin. They have a row for each of the `factors` of
     /// linear light, and in it, what every label of the palette shows. `None` if there are too many.
-    pub fn find(&mut self, palette: ShadedPalette, factors: &[f32]) -> Option<u32> {
-        let bits: Vec<u32> = factors.iter().map(|factor| factor.to_bits()).collect();
+    ///
+    /// The `palette` consists of its source colors and as many shown colors. What is shown is multiplied by the `tint`
+    /// later, in linear light. If that is dark, shades may be brighter than white.
+    pub fn find(&mut self, palette: &[Vec4], blend_steps: u32, tint: Vec3, factors: &[f32]) -> Option<u32> {
         // Light first makes up for a dark tint. Only the rest of it leads to other labels.
         let most = factors.iter().copied().fold(1.0, f32::max);
-        let room = room_of(palette.tint.dot(LUMA.as_vec3()), most);
-        let white = Vec3::from(palette.tint.to_array().map(|tint| room_of(tint, most)));
+        let room = room_of(tint.dot(LUMA.as_vec3()), most);
+        let white = Vec3::from(tint.to_array().map(|tint| room_of(tint, most)));
         let steps: Vec<f32> = factors.iter().map(|factor| (factor / room).max(factor.min(1.0))).collect();
-        let of_tint = [room, white.x, white.y, white.z].map(f32::to_bits);
-        let begin = (palette.first, palette.blend_steps, [&bits[..], &of_tint].concat());
-        if let Some(first) = self.begins.get(&begin) {
-            return Some(*first);
+        let of_tint = white.extend(room).to_array().map(f32::to_bits);
+        let hash = FixedHasher.hash_one((bytes_of(palette), blend_steps, bytes_of(factors), of_tint));
+        if let Some(first) = self.lit.get(&hash).and_then(|lit| lit.first) {
+            return Some(first);
         }
-        let count = PaletteLabel::count(palette.count as usize, palette.blend_steps) * factors.len();
-        if self.colors.len() + count > MOST_SHADES {
+        let (source, shown) = palette.split_at(palette.len() / 2);
+        if self.colors.len() + PaletteLabel::count(source.len(), blend_steps) * factors.len() > MOST_SHADES {
             warn_once!("too many palettes in light: the lights of the scene leave out some props");
             return None;
         }
-        // The shown colors follow the source colors.
-        let of_palette = palette.colors.get(palette.first as usize..)?.get(..2 * palette.count as usize)?;
-        let (source, shown) = of_palette.split_at(palette.count as usize);
-        let key = Key {
-            source: source.iter().map(|color| color.to_array().map(f32::to_bits)).collect(),
-            blend_steps: palette.blend_steps,
-            factors: steps.iter().map(|factor| factor.to_bits()).collect(),
-        };
-        let table = self.tables.entry(key).or_insert_with(|| {
-            let ramps = ramps(source, palette.blend_steps);
-            let labels: Vec<_> = labels(source, palette.blend_steps).zip(ramps).map(LabelColor::new).collect();
+        let hash_of_table = FixedHasher.hash_one((bytes_of(source), blend_steps, bytes_of(&steps)));
+        let table = self.tables.entry(hash_of_table).or_insert_with(|| {
+            let ramps = ramps(source, blend_steps);
+            let labels: Vec<_> = labels(source, blend_steps).zip(ramps).map(LabelColor::new).collect();
             let row = |factor: &f32| -> Vec<_> {
                 (0..labels.len()).map(|label| LabelColor::shade(&labels, label, f64::from(*factor))).collect()
             };
             Table { shades: steps.iter().flat_map(row).collect(), is_used: true }
         });
         table.is_used = true;
-        let first = self.colors.len() as u32;
-        let hash = FixedHasher.hash_one((bytemuck::cast_slice::<_, u8>(of_palette), palette.blend_steps, &begin.2));
         let lit = self.lit.entry(hash).or_insert_with(|| {
-            let shown: Vec<Vec3> = labels(shown, palette.blend_steps).map(|color| color.as_vec3()).collect();
+            let shown: Vec<Vec3> = labels(shown, blend_steps).map(|color| color.as_vec3()).collect();
             let rows = table.shades.chunks(shown.len().max(1)).zip(factors.iter().zip(&steps));
             let row = |(row, (factor, step)): (&[Shade], (&f32, &f32))| -> Vec<_> {
                 let made_up = if factor > step { factor / step } else { 1.0 };
                 let color = |shade: &Shade| lightened(shown[shade.label], shade.factor as f32 * made_up, white);
                 row.iter().map(|shade| color(shade).extend(0.0)).collect()
             };
-            LitColors { colors: rows.flat_map(row).collect(), is_used: true }
+            LitColors { colors: rows.flat_map(row).collect(), first: None }
         });
-        lit.is_used = true;
+        lit.first = Some(self.colors.len() as u32);
         self.colors.extend(&lit.colors);
-        self.begins.insert(begin, first);
-        Some(first)
+        lit.first
     }
+}
+
+fn bytes_of<T: bytemuck::NoUninit>(values: &[T]) -> &[u8] {
+    bytemuck::cast_slice(values)
 }
 
 /// Returns the factor of light that makes up for a tint, or nearly: in steps, so that props with different tints share
@@ -246,39 +221,39 @@ mod tests {
     /// The last channel of a color that is in no ramp.
     const NO_RAMP: f32 = Palette::MAX_COLORS as f32;
 
-    /// Returns a palette without others.
-    fn palette(colors: &[Vec4], blend_steps: u32) -> ShadedPalette<'_> {
-        ShadedPalette { colors, first: 0, count: colors.len() as u32 / 2, blend_steps, tint: Vec3::ONE }
-    }
-
     /// Returns what the labels of a palette show in light, row by row.
     fn shades(colors: &[Vec4], blend_steps: u32, factors: &[f32]) -> Vec<Vec4> {
         let mut shades = Shades::default();
-        assert_eq!(shades.find(palette(colors, blend_steps), factors), Some(0));
+        assert_eq!(shades.find(colors, blend_steps, Vec3::ONE, factors), Some(0));
         let found = shades.colors.clone();
         // Once a frame.
-        assert_eq!(shades.find(palette(colors, blend_steps), factors), Some(0));
+        assert_eq!(shades.find(colors, blend_steps, Vec3::ONE, factors), Some(0));
         assert_eq!(shades.colors, found);
         shades.begin();
         assert!(shades.colors.is_empty());
         found
     }
 
-    /// In light and shadow, tones step along those of their hue, and change their own light where these end.
+    /// In light and shadow, tones step along those of their ramp or, without one, of their hue, and change their own light
+    /// where these end.
     #[test]
-    fn tones_step_along_their_hue() {
-        let reds = [0.3, 0.6, 0.9].map(|red| Vec4::new(red, 0.2 * red, 0.1 * red, NO_RAMP));
+    fn tones_step_along_their_ramp_or_their_hue() {
+        let reds = |ramp| [0.3, 0.6, 0.9].map(|red| Vec4::new(red, 0.2 * red, 0.1 * red, ramp));
         let blues = [0.4, 0.8].map(|blue| Vec4::new(0.1 * blue, 0.3 * blue, blue, NO_RAMP));
+        // They have the hue of the reds.
+        let browns = [0.45, 0.75].map(|brown| Vec4::new(brown, 0.3 * brown, 0.2 * brown, 1.0));
         let shown: [Vec4; 5] = std::array::from_fn(|index| Vec4::new(0.5, 0.1 * index as f32, 0.2, 0.0));
-        let colors = [&reds[..], &blues, &shown].concat();
-        let found = shades(&colors, 1, &[0.4, 1.0, 5.0]);
-        let own = |index: usize, factor| lightened(shown[index].truncate(), factor, Vec3::ONE).extend(0.0);
-        assert_eq!(found[..5], [own(0, 0.4), shown[0], shown[1], own(3, 0.4), shown[3]]);
-        assert_eq!(found[5..10], shown);
-        // The lightest ones do not show all of the light.
-        let rest = |from: usize, to: usize| (5.0 * light(colors[from]) / light(colors[to])) as f32;
-        assert!(rest(1, 2) > 1.5 && rest(3, 4) > 1.25);
-        assert_eq!(found[10..], [shown[1], own(2, rest(1, 2)), own(2, 5.0), own(4, rest(3, 4)), own(4, 5.0)]);
+        for (reds, others) in [(reds(NO_RAMP), blues), (reds(0.0), browns)] {
+            let colors = [&reds[..], &others, &shown].concat();
+            let found = shades(&colors, 1, &[0.4, 1.0, 5.0]);
+            let own = |index: usize, factor| lightened(shown[index].truncate(), factor, Vec3::ONE).extend(0.0);
+            assert_eq!(found[..5], [own(0, 0.4), shown[0], shown[1], own(3, 0.4), shown[3]]);
+            assert_eq!(found[5..10], shown);
+            // The lightest ones do not show all of the light.
+            let rest = |from: usize, to: usize| (5.0 * light(colors[from]) / light(colors[to])) as f32;
+            assert!(rest(1, 2) > 1.5 && rest(3, 4) > 1.25);
+            assert_eq!(found[10..], [shown[1], own(2, rest(1, 2)), own(2, 5.0), own(4, rest(3, 4)), own(4, 5.0)]);
+        }
     }
 
     fn light(color: Vec4) -> f64 {
@@ -293,7 +268,7 @@ mod tests {
         let colors: Vec<Vec4> = [reds, reds].concat().into_iter().map(|color| color.extend(0.0)).collect();
         for (tint, is_whole) in [(Vec3::new(0.2, 0.2, 0.25), true), (Vec3::ONE, false)] {
             let mut shades = Shades::default();
-            assert_eq!(shades.find(ShadedPalette { tint, ..palette(&colors, 1) }, &[4.0]), Some(0));
+            assert_eq!(shades.find(&colors, 1, tint, &[4.0]), Some(0));
             let gains = shades.colors.iter().zip(&colors).map(|(lit, own)| light(*lit) / light(*own));
             // The darkest one becomes another one.
             let mut gains = gains.skip(1);
@@ -301,27 +276,13 @@ mod tests {
         }
     }
 
-    /// A tone that has the hue of another ramp steps along its own.
-    #[test]
-    fn tones_step_along_their_ramp() {
-        let red = [0.3, 0.6, 0.9].map(|red| Vec4::new(red, 0.2 * red, 0.1 * red, 0.0));
-        let brown = [0.45, 0.75].map(|brown| Vec4::new(brown, 0.3 * brown, 0.2 * brown, 1.0));
-        let colors = [&red[..], &brown, &red, &brown].concat();
-        let found = shades(&colors, 1, &[0.4, 5.0]);
-        let own = |index: usize, factor| lightened(colors[index].truncate(), factor, Vec3::ONE).extend(0.0);
-        let of = |index: usize| colors[index].truncate().extend(0.0);
-        assert_eq!(found[..5], [own(0, 0.4), of(0), of(1), own(3, 0.4), of(3)]);
-        let rest = |from: usize, to: usize| (5.0 * light(colors[from]) / light(colors[to])) as f32;
-        assert_eq!(found[5..], [of(1), own(2, rest(1, 2)), own(2, 5.0), own(4, rest(3, 4)), own(4, 5.0)]);
-    }
-
     /// Props with the same palette may blend it in different steps.
     #[test]
     fn steps_of_blends_have_shades_of_their_own() {
         let colors: [Vec4; 4] = std::array::from_fn(|index| Vec3::splat(0.25 * index as f32).extend(NO_RAMP));
         let mut shades = Shades::default();
-        assert_eq!(shades.find(palette(&colors, 1), &[0.5, 1.0]), Some(0));
-        assert_eq!(shades.find(palette(&colors, 3), &[0.5, 1.0]), Some(4));
+        assert_eq!(shades.find(&colors, 1, Vec3::ONE, &[0.5, 1.0]), Some(0));
+        assert_eq!(shades.find(&colors, 3, Vec3::ONE, &[0.5, 1.0]), Some(4));
         assert_eq!(shades.colors.len(), 4 + 8);
     }
 
@@ -332,7 +293,7 @@ mod tests {
         let mut shades = Shades::default();
         let mut frame = |colors: &[Vec4], factor: f32| {
             shades.begin();
-            assert_eq!(shades.find(palette(colors, 1), &[factor]), Some(0));
+            assert_eq!(shades.find(colors, 1, Vec3::ONE, &[factor]), Some(0));
             (shades.colors.clone(), shades.lit.len())
         };
         let found = frame(&colors, 0.5);

@@ -29,15 +29,16 @@ use bevy::{
 };
 
 use super::{
-    bind_groups::BindGroups,
-    buffers::ViewBuffers,
     pass::{CachedResult, Pass},
     slot::Slot,
-    textures::Textures,
+    textures::{Textures, bind},
 };
 use crate::{
     gpu::Shaders,
-    render::{plan::Plan, uniforms::ViewUniform},
+    render::{
+        plan::Plan,
+        uniforms::{ViewBuffers, ViewUniform},
+    },
 };
 
 /// What a view keeps.
@@ -115,19 +116,23 @@ impl Cache {
         self.first_drawn <= result as usize
     }
 
-    /// Compares the scene, or the light on props, with what it was, before the passes of a result.
+    /// Compares the scene, or the light on props, with what it was, before the passes of a result. Notes that these draw
+    /// it, unless it is as it was.
     pub fn compare(
         &mut self,
         result: CachedResult,
-        scene: &TextureView,
+        scene: Option<&TextureView>,
         plan: &Plan,
         buffers: &ViewBuffers,
-        groups: &mut BindGroups,
-        comparison: &Comparison,
+        comparison: Option<&Comparison>,
         cache: &PipelineCache,
         ctx: &mut RenderContext,
     ) {
         let index = result as usize;
+        self.drawn[index] = Some(self.keys[index]);
+        let (Some(scene), Some(comparison)) = (scene, comparison) else {
+            return;
+        };
         let words = self.scene.as_ref().filter(|_| index < self.unchanged);
         let (layout, id) = comparison.of(result, plan.samples);
         let pipeline = cache.get_compute_pipeline(*id);
@@ -135,13 +140,8 @@ impl Cache {
             return;
         };
         if let (Some(words), Some(pipeline)) = (words, pipeline) {
-            let device = ctx.render_device().clone();
-            let group = groups.get(
-                &device,
-                cache,
-                layout,
-                &[view, first_drawn, words.as_entire_binding(), BindingResource::TextureView(scene)],
-            );
+            let resources = [view, first_drawn, words.as_entire_binding(), BindingResource::TextureView(scene)];
+            let group = bind(ctx.render_device(), cache, layout, &resources);
             let encoder = ctx.command_encoder();
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor { label: Some(COMPARE), ..default() });
             pass.set_pipeline(pipeline);
@@ -152,11 +152,6 @@ impl Cache {
         } else {
             self.knows[index] = false;
         }
-    }
-
-    /// Notes that a result was drawn, or is as it was.
-    pub fn finish(&mut self, result: CachedResult) {
-        self.drawn[result as usize] = Some(self.keys[result as usize]);
     }
 }
 

@@ -250,16 +250,6 @@ impl Program {
     pub fn where_props_are(self) -> Self {
         self.depth_test(CompareFunction::LessEqual, false)
     }
-
-    /// The same, as the mask of edges says.
-    pub fn where_mask_has_props(self) -> Self {
-        self.depth_test(CompareFunction::Less, false)
-    }
-
-    /// Draws only at the edges of props, as that mask says.
-    pub fn at_edges(self) -> Self {
-        self.define("AT_EDGES").depth_test(CompareFunction::Less, false)
-    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -1,4 +1,4 @@
-//! Executes passes.
+//! A view that draws props, and the execution of its passes.
 
 use bevy::{
     core_pipeline::prepass::ViewPrepassTextures,
@@ -6,30 +6,85 @@ use bevy::{
     render::{
         diagnostic::RecordDiagnostics,
         render_resource::{
-            BindingResource, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
-            RenderPassDepthStencilAttachment, RenderPassDescriptor, StoreOp, TextureView,
+            BindGroup, BindingResource, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
+            RenderPassDepthStencilAttachment, RenderPassDescriptor, StoreOp,
         },
-        renderer::{RenderContext, RenderDevice, ViewQuery},
+        renderer::{RenderContext, ViewQuery},
         view::{ViewDepthTexture, ViewTarget},
     },
 };
 
-use super::view::PropView;
 use super::{
-    buffers::PaletteBuffer,
     cache::Cache,
     pass::{CachedResult, Clear, FirstGroup, Pass, Place},
     pipelines::Pipelines,
     slot::Slot,
+    textures::{Textures, bind},
 };
-use crate::{camera::PropPlacement, render::plan::Feature};
+#[cfg(feature = "shadows")]
+use crate::render::shades::Shades;
+use crate::{
+    camera::PropPlacement,
+    gpu::{LeftOut, ViewTooLarge},
+    render::{
+        plan::{Feature, Plan},
+        uniforms::{PaletteBuffer, ViewBuffers},
+    },
+};
+
+/// A view that draws props: the plan of its frame, the passes that follow from it, and what they need.
+#[derive(Component, Default)]
+pub(crate) struct PropView {
+    pub(in crate::render) plan: Plan,
+    /// The passes in the order in which they run.
+    pub(in crate::render) passes: Vec<Pass>,
+    /// What is left out because a pipeline is not ready.
+    pub(in crate::render) left_out: LeftOut,
+    /// For how many frames it has been drawn as before, because pipelines are not ready.
+    pub(in crate::render) held_frames: u32,
+    /// Whether the plan was drawn, or is about to be. Bevy skips cameras of windows that have no size.
+    pub(in crate::render) is_drawn: bool,
+    pub(in crate::render) textures: Textures,
+    pub(in crate::render) buffers: ViewBuffers,
+    pub(in crate::render) cached: Cache,
+    /// Bind group 0 of passes that read Bevy's lights, and its offsets.
+    pub(in crate::render) lights: Option<(BindGroup, Vec<u32>)>,
+    #[cfg(feature = "shadows")]
+    pub(in crate::render) shades: Shades,
+    /// What determines the memory that it needs, when there was too little.
+    pub(in crate::render) shortage: Option<(ViewTooLarge, usize)>,
+}
+
+impl PropView {
+    /// Returns what there is too little memory for.
+    #[cfg(feature = "headless")]
+    pub fn shortage(&self) -> Option<&ViewTooLarge> {
+        self.shortage.as_ref().map(|(error, _)| error)
+    }
+
+    /// Returns the props that are drawn, as entities of the main world.
+    #[cfg(feature = "shadows")]
+    pub(in crate::render) fn drawn_props(&self) -> impl Iterator<Item = Entity> {
+        let draws_layer = |pass: &&Pass| pass.writes.iter().any(|slot| matches!(slot, Slot::Color(_)));
+        let draws = self.passes.iter().filter(draws_layer).flat_map(|pass| &pass.draws);
+        draws.filter_map(|draw| Some(draw.prop_of(&self.plan)?.entity))
+    }
+
+    /// Lets the view draw nothing in this frame, and forgets what it drew.
+    pub(in crate::render) fn clear(&mut self) {
+        self.plan = default();
+        self.passes.clear();
+        self.textures.clear();
+        self.cached = default();
+        self.left_out = LeftOut::Nothing;
+    }
+}
 
 /// What a view has besides its own textures.
 type Others = (&'static ViewTarget, &'static ViewDepthTexture, Option<&'static ViewPrepassTextures>);
 
 /// What passes need.
 struct Frame<'a> {
-    device: &'a RenderDevice,
     cache: &'a PipelineCache,
     pipelines: &'a Pipelines,
     palettes: &'a PaletteBuffer,
@@ -52,9 +107,7 @@ pub(in crate::render) fn run(
     if view.plan.placement != *placement && *place != Place::Layer {
         return;
     }
-    let device = ctx.render_device().clone();
-    let frame =
-        Frame { device: &device, cache: &cache, pipelines: &pipelines, palettes: &palettes, target, depth, prepass };
+    let frame = Frame { cache: &cache, pipelines: &pipelines, palettes: &palettes, target, depth, prepass };
     view.is_drawn = true;
     let passes = std::mem::take(&mut view.passes);
     compare(*place, &mut view, &frame, &mut ctx);
@@ -78,35 +131,27 @@ pub(in crate::render) fn run(
 /// Compares the scene, and the light on props, with what they were in the last frame, if a result of this frame may be
 /// cached.
 fn compare(place: Place, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext) {
-    let PropView { plan, cached, textures, buffers, groups, .. } = view;
-    let mut of = |cached: &mut Cache, result, scene| {
-        if let Some(comparison) = &frame.pipelines.comparison {
-            cached.compare(result, scene, plan, buffers, groups, comparison, frame.cache, ctx);
-        }
+    let PropView { plan, cached, textures, buffers, .. } = view;
+    let results = match place {
+        Place::Layer => &[CachedResult::Layer][..],
+        Place::Posterize => &[CachedResult::Composite, CachedResult::Labels],
+        Place::Hide | Place::Restore | Place::Present | Place::Objects => &[],
     };
-    match place {
-        Place::Layer => {
-            of(cached, CachedResult::Layer, frame.depth.view());
-            cached.finish(CachedResult::Layer);
-        }
-        Place::Posterize => {
-            if plan.posterizes {
-                of(cached, CachedResult::Composite, frame.target.main_texture_view());
-            }
-            if let Some(light) = Slot::of_light(plan).and_then(|slot| textures.get(slot)) {
-                of(cached, CachedResult::Labels, light);
-            }
-            cached.finish(CachedResult::Composite);
-            cached.finish(CachedResult::Labels);
-        }
-        Place::Hide | Place::Restore | Place::Present | Place::Objects => {}
+    for result in results {
+        let scene = match result {
+            CachedResult::Layer => Some(frame.depth.view()),
+            CachedResult::Composite => plan.posterizes.then(|| frame.target.main_texture_view()),
+            CachedResult::Labels => Slot::of_light(plan).and_then(|slot| textures.get(slot)),
+        };
+        let comparison = frame.pipelines.comparison.as_ref();
+        cached.compare(*result, scene, plan, buffers, comparison, frame.cache, ctx);
     }
 }
 
 /// Draws a pass. Returns `None` if something is missing.
 fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext) -> Option<()> {
-    let PropView { plan, textures, buffers, groups, cached, lights, .. } = view;
-    let (device, cache) = (frame.device, frame.cache);
+    let PropView { plan, textures, buffers, cached, lights, .. } = view;
+    let cache = frame.cache;
     for slot in &pass.zeroes {
         ctx.command_encoder().clear_buffer(textures.buffer(*slot)?, 0, None);
     }
@@ -122,7 +167,12 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
                 PropPlacement::Display => frame.target.get_unsampled_color_attachment(),
             },
             Slot::PrepassMotion => frame.prepass?.motion_vectors.as_ref()?.get_attachment(),
-            slot => color(textures.get(*slot)?, load),
+            slot => RenderPassColorAttachment {
+                view: textures.get(*slot)?,
+                depth_slice: None,
+                resolve_target: None,
+                ops: Operations { load, store: StoreOp::Store },
+            },
         })
     };
     let colors: Vec<_> = pass.writes.iter().map(attach).collect();
@@ -130,7 +180,9 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
         Some(Slot::TargetDepth) => Some(frame.depth.get_attachment(StoreOp::Store)),
         Some(slot) => {
             let load = if clear.is_some() { LoadOp::Clear(0.0) } else { LoadOp::Load };
-            Some(depth(textures.get(slot)?, pass.writes_depth().then_some(load)))
+            // Without operations, it is only tested.
+            let depth_ops = pass.writes_depth().then_some(Operations { load, store: StoreOp::Store });
+            Some(RenderPassDepthStencilAttachment { view: textures.get(slot)?, depth_ops, stencil_ops: None })
         }
         None => None,
     };
@@ -150,7 +202,7 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
             };
             let resources: Option<Vec<_>> = slots.iter().map(resource).collect();
             let layout = frame.pipelines.bound_layout(pass.name, access, slots);
-            Some(groups.get(device, cache, &layout, &resources?))
+            Some(bind(ctx.render_device(), cache, &layout, &resources?))
         })
         .collect::<Option<_>>()?;
     let first = match pass.group {
@@ -167,7 +219,8 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
                 let batches = [Slot::BatchCounts, elements].map(|slot| textures.buffer(slot));
                 resources.extend(batches.into_iter().flatten().map(|buffer| buffer.as_entire_binding()));
             }
-            Some((groups.get(device, cache, &frame.pipelines.first_layout(group), &resources), &[][..]))
+            let layout = frame.pipelines.first_layout(group);
+            Some((bind(ctx.render_device(), cache, &layout, &resources), &[][..]))
         }
     };
     let area = pass.area(plan);
@@ -232,15 +285,4 @@ impl Clear {
             Self::NegativeAlpha => wgpu::Color { a: -1.0, ..wgpu::Color::TRANSPARENT },
         }
     }
-}
-
-fn color(view: &TextureView, load: LoadOp<wgpu::Color>) -> RenderPassColorAttachment<'_> {
-    let ops = Operations { load, store: StoreOp::Store };
-    RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops }
-}
-
-/// Returns a depth attachment that is only tested unless it has a `load`.
-fn depth(view: &TextureView, load: Option<LoadOp<f32>>) -> RenderPassDepthStencilAttachment<'_> {
-    let depth_ops = load.map(|load| Operations { load, store: StoreOp::Store });
-    RenderPassDepthStencilAttachment { view, depth_ops, stencil_ops: None }
 }

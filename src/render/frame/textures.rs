@@ -8,8 +8,9 @@ use bevy::{
     prelude::*,
     render::{
         render_resource::{
-            Buffer, BufferDescriptor, BufferUsages, Extent3d, TextureDescriptor, TextureDimension, TextureFormat,
-            TextureUsages, TextureView,
+            BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferDescriptor,
+            BufferUsages, Extent3d, PipelineCache, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
+            TextureView,
         },
         renderer::RenderDevice,
     },
@@ -174,6 +175,20 @@ pub(in crate::render) fn create_texture(
         view_formats: &[],
     });
     texture.create_view(&default())
+}
+
+/// Creates the bind group of `resources`, in the order of the layout's entries.
+pub(in crate::render) fn bind<'a>(
+    device: &RenderDevice,
+    cache: &PipelineCache,
+    layout: &BindGroupLayoutDescriptor,
+    resources: &[BindingResource<'a>],
+) -> BindGroup {
+    let numbered = layout.entries.iter().map(|entry| entry.binding).zip(resources);
+    let entry =
+        |(binding, resource): (u32, &BindingResource<'a>)| BindGroupEntry { binding, resource: resource.clone() };
+    let entries: Vec<_> = numbered.map(entry).collect();
+    device.create_bind_group(&*layout.label, &cache.get_bind_group_layout(layout), &entries)
 }
 
 fn extent(size: UVec2) -> Extent3d {

@@ -1,5 +1,8 @@
 //! Finds how much of the scene's light is blocked before it reaches the solid parts of props with a `PropLighting`, and
-//! how much falls on them. Labels read the result. Requires the feature `shadows`.
+//! how much falls on them. Labels read the result.
+//!
+//! The *fog* pass applies the camera's `DistanceFog` to props, pixel by pixel, as Bevy's materials do. It runs after
+//! custom stages, so that what they draw on props fades with them. All of this requires the feature `shadows`.
 
 use bevy::{
     core_pipeline::tonemapping::{Tonemapping, TonemappingLuts, get_lut_bind_group_layout_entries, get_lut_bindings},
@@ -11,7 +14,7 @@ use bevy::{
     },
     prelude::*,
     render::{
-        Render,
+        Render, RenderSystems,
         camera::ExtractedCamera,
         globals::{GlobalsBuffer, GlobalsUniform},
         render_asset::RenderAssets,
@@ -26,10 +29,12 @@ use bevy::{
         texture::{FallbackImage, GpuImage},
         view::{ViewUniform, ViewUniformOffset, ViewUniforms},
     },
+    shader::ShaderDefVal,
 };
 use glam::DMat4;
 use plenoctree::palette::PaletteLabel;
 
+use super::labels::{shown_after, space};
 use crate::{
     gpu::WrittenBuffer,
     lighting::PropLighting,
@@ -37,7 +42,7 @@ use crate::{
         extract::{ExtractedProps, VisibleProps},
         frame::{Clear, Draw, FirstGroup, Pass, Pipelines, Place, Program, PropView, Slot},
         plan::{Feature, Plan},
-        shades::{ShadedPalette, Shades},
+        shades::Shades,
         uniforms::LabelsUniform,
     },
     sets::PlenOctreeRenderSystems,
@@ -45,6 +50,7 @@ use crate::{
 
 pub(super) const LIGHTING: &str = "plenoctree_lighting";
 pub(super) const SMOOTH_LIGHT: &str = "plenoctree_smooth_light";
+pub(super) const FOG: &str = "plenoctree_fog";
 
 /// What `relief.wgsl` reads.
 const RELIEF: [Slot; 4] = [Slot::Lit, Slot::View, Slot::DEPTH, Slot::OWNER];
@@ -90,9 +96,51 @@ pub(super) fn smooth_light(plan: &Plan) -> Option<Pass> {
 const HARD: &str = "SHADOW_FILTER_METHOD_HARDWARE_2X2";
 
 /// Returns the shader definition of how shadow maps are filtered.
-pub(super) fn shadow_filter(plan: &Plan) -> &'static str {
+fn shadow_filter(plan: &Plan) -> &'static str {
     // Temporal filtering is not supported: noise that changes from frame to frame would make the edges of bands flicker.
     if plan.has_hard_shadows { HARD } else { "SHADOW_FILTER_METHOD_GAUSSIAN" }
+}
+
+/// Fades what is shown of props into the fog.
+pub(super) fn fog(plan: &Plan) -> Option<Pass> {
+    let program =
+        Program::new("fog").define("DISTANCE_FOG").define(shadow_filter(plan)).define_if(plan.smooths, "SMOOTH");
+    let program = program.define_all(space(plan.target.space)).define_all(tonemapping(plan));
+    let mut reads = vec![Slot::Screen, Slot::View, shown_after(plan.stages.len()), Slot::DEPTH, Slot::Scene];
+    if plan.smooths {
+        reads.extend([Slot::Outline, Slot::Coverage]);
+    }
+    plan.has_fog.then(|| Pass {
+        feature: Feature::Fog,
+        group: FirstGroup::Lights,
+        reads: vec![reads],
+        writes: vec![Slot::Fogged],
+        clear: Some(Clear::NegativeAlpha),
+        ..Pass::fullscreen(FOG, Place::Present, None, vec![program])
+    })
+}
+
+/// Returns the shader definitions of how the camera's materials map tones, as those that Bevy gives to them.
+fn tonemapping(plan: &Plan) -> Vec<ShaderDefVal> {
+    let method = match plan.tonemapping {
+        None => return vec![],
+        Some(Tonemapping::None) => "TONEMAP_METHOD_NONE",
+        Some(Tonemapping::Reinhard) => "TONEMAP_METHOD_REINHARD",
+        Some(Tonemapping::ReinhardLuminance) => "TONEMAP_METHOD_REINHARD_LUMINANCE",
+        Some(Tonemapping::AcesFitted) => "TONEMAP_METHOD_ACES_FITTED",
+        Some(Tonemapping::AgX) => "TONEMAP_METHOD_AGX",
+        Some(Tonemapping::SomewhatBoringDisplayTransform) => "TONEMAP_METHOD_SOMEWHAT_BORING_DISPLAY_TRANSFORM",
+        Some(Tonemapping::TonyMcMapface) => "TONEMAP_METHOD_TONY_MC_MAPFACE",
+        Some(Tonemapping::BlenderFilmic) => "TONEMAP_METHOD_BLENDER_FILMIC",
+        Some(Tonemapping::KhronosPbrNeutral) => "TONEMAP_METHOD_PBR_NEUTRAL",
+    };
+    let number = |name: &str, value| ShaderDefVal::UInt(name.into(), value);
+    vec![
+        "TONEMAPPED".into(),
+        method.into(),
+        number("TONEMAPPING_LUT_TEXTURE_BINDING_INDEX", TONEMAPPING_LUT_TEXTURE_BINDING_INDEX),
+        number("TONEMAPPING_LUT_SAMPLER_BINDING_INDEX", TONEMAPPING_LUT_SAMPLER_BINDING_INDEX),
+    ]
 }
 
 /// How lights fall on a prop. Matches `Lit` in `shade.wgsl`.
@@ -143,19 +191,14 @@ pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps, shad
         };
         // The layer of a posterized view already has the tints of its props.
         let is_tinted = plan.props.get(at).is_some_and(|prop| prop.is_posterized);
-        let palette = ShadedPalette {
-            colors: &extracted.colors.list,
-            first: first_color,
-            count: colors,
-            blend_steps,
-            tint: if is_tinted { prop.tint } else { Vec3::ONE },
-        };
+        let tint = if is_tinted { prop.tint } else { Vec3::ONE };
+        let palette = extracted.colors.list.get(first_color as usize..)?.get(..2 * colors as usize)?;
         // From the darkest band to the brightest one, or to the prop's own light.
         let factors: Vec<f32> = (0..=if brightness > 0.0 { 2 * bands } else { bands })
             .map(|row| row as f32 / bands as f32 - 1.0)
             .map(|added| 1.0 + added * if added < 0.0 { shadows } else { brightness })
             .collect();
-        let first_shade = shades.find(palette, &factors)?;
+        let first_shade = shades.find(palette, blend_steps, tint, &factors)?;
         let labels = PaletteLabel::count(colors as usize, blend_steps) as u32;
         Some(LitUniform { first_shade, labels, ..unlabeled })
     };
@@ -167,10 +210,8 @@ pub(super) fn plugin(render_app: &mut SubApp) {
     render_app.add_systems(
         Render,
         (
-            find_lights
-                .before(PlenOctreeRenderSystems::PlanViews)
-                .in_set(bevy::render::RenderSystems::PrepareResources),
-            bind_lights.run_if(resource_exists::<LightMeta>).in_set(bevy::render::RenderSystems::PrepareBindGroups),
+            find_lights.before(PlenOctreeRenderSystems::PlanViews).in_set(RenderSystems::PrepareResources),
+            bind_lights.run_if(resource_exists::<LightMeta>).in_set(RenderSystems::PrepareBindGroups),
         ),
     );
 }

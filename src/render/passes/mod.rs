@@ -1,15 +1,10 @@
 //! The passes of a view: which there are, and in which order they run. See each file for what its passes do.
 
 mod edges;
-mod finish;
-#[cfg(feature = "shadows")]
-mod fog;
 mod labels;
 #[cfg(feature = "shadows")]
 mod lighting;
 mod objects;
-mod present;
-mod refine;
 #[cfg(all(test, feature = "headless"))]
 mod tests;
 mod volume;
@@ -28,14 +23,14 @@ use super::{
 
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of drawing props.
 pub const VOLUME_SPANS: &[&str] =
-    &[volume::VOLUME, volume::VOLUME_BATCHES, volume::SOLID, volume::SOLID_BATCHES, refine::CHECK, refine::FILL];
+    &[volume::VOLUME, volume::VOLUME_BATCHES, volume::SOLID, volume::SOLID_BATCHES, volume::CHECK, volume::FILL];
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of posterizing.
 pub const POSTERIZE_SPANS: &[&str] = &[
-    present::PRESENT,
+    labels::PRESENT,
     labels::LABEL,
     labels::COMPOSITE,
     labels::FILTER,
-    finish::FINISH,
+    labels::FINISH,
     edges::OUTLINE,
     edges::COVERAGE,
     objects::HIDE_OBJECTS,
@@ -43,7 +38,7 @@ pub const POSTERIZE_SPANS: &[&str] = &[
     objects::UNDER_OBJECTS,
     objects::OBJECTS,
     #[cfg(feature = "shadows")]
-    fog::FOG,
+    lighting::FOG,
 ];
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of lighting props.
 #[cfg(feature = "shadows")]
@@ -56,8 +51,8 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
         passes.extend(volume::solid(plan, *rays));
         passes.push(volume::volume(plan, *rays));
         match rays {
-            RaySet::Grid => passes.push(refine::check(plan)),
-            RaySet::Batches => passes.push(refine::fill(plan)),
+            RaySet::Grid => passes.push(volume::check(plan)),
+            RaySet::Batches => passes.push(volume::fill(plan)),
             RaySet::Pixels => {}
         }
     }
@@ -73,11 +68,11 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
     passes.extend(composite);
     passes.extend(labels::filter(plan));
     passes.push(labels::label(plan));
-    passes.extend(finish::finish(plan));
+    passes.extend(labels::finish(plan));
     passes.extend(labels::stages(plan));
     #[cfg(feature = "shadows")]
-    passes.extend(fog::fog(plan));
-    passes.extend(present::present(plan));
+    passes.extend(lighting::fog(plan));
+    passes.extend(labels::present(plan));
     passes.extend(objects::under_objects(plan));
     passes.extend(objects::objects(plan));
     passes

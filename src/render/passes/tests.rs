@@ -92,10 +92,10 @@ fn written(pass: &Pass) -> u32 {
 #[test]
 fn views_of_one_prop_have_few_passes_that_write_few_bytes() {
     let (mut headless, camera) = app(None, |_| ());
-    let smooth = [volume::VOLUME, labels::COMPOSITE, edges::COVERAGE, labels::LABEL, finish::FINISH, present::PRESENT];
+    let smooth = [volume::VOLUME, labels::COMPOSITE, edges::COVERAGE, labels::LABEL, labels::FINISH, labels::PRESENT];
     for (what, posterize, most, expected) in [
-        ("as trained", None, 28, vec![volume::VOLUME, labels::LABEL, present::PRESENT]),
-        ("hard edges", Some(hard()), 176, vec![volume::VOLUME, labels::COMPOSITE, labels::LABEL, present::PRESENT]),
+        ("as trained", None, 28, vec![volume::VOLUME, labels::LABEL, labels::PRESENT]),
+        ("hard edges", Some(hard()), 176, vec![volume::VOLUME, labels::COMPOSITE, labels::LABEL, labels::PRESENT]),
         ("as in the paper", Some(Posterize::paper()), 190, smooth.to_vec()),
         ("posterized", Some(Posterize::default()), 98, smooth.to_vec()),
     ] {

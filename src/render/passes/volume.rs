@@ -5,6 +5,12 @@
 //! pass cuts the props there: it draws all parts behind that depth, then the prop that is solid there, then all parts
 //! in front of it. A solid part thus hides what is behind it and shows what is in front of it, regardless of the order
 //! in which props are drawn.
+//!
+//! Views that do not cast a ray for every pixel first draw a *grid* of rays, one for every second pixel along each axis.
+//! The *check* pass compares the rays around each *gap* between them, and collects the gaps where they differ in
+//! *batches*. The pixels of these are marched in textures of their own, side by side, because graphics cards gain nothing
+//! by leaving out single pixels. The *fill* pass takes the results to their places in the layer, and interpolates the
+//! rays of the grid across all other gaps.
 
 use bevy::{
     prelude::*,
@@ -25,6 +31,8 @@ pub(super) const VOLUME: &str = "plenoctree_volume";
 pub(super) const VOLUME_BATCHES: &str = "plenoctree_volume_batches";
 pub(super) const SOLID: &str = "plenoctree_solid";
 pub(super) const SOLID_BATCHES: &str = "plenoctree_solid_batches";
+pub(super) const CHECK: &str = "plenoctree_check";
+pub(super) const FILL: &str = "plenoctree_fill";
 
 /// The vertices of a box.
 const BOX: std::ops::Range<u32> = 0..36;
@@ -109,7 +117,7 @@ fn volume_of(plan: &Plan, rays: RaySet) -> Pass {
 }
 
 /// Returns the color attachments of a layer.
-pub(super) fn layer(plan: &Plan, rays: RaySet) -> Vec<Slot> {
+fn layer(plan: &Plan, rays: RaySet) -> Vec<Slot> {
     let mut writes = vec![Slot::Color(rays)];
     writes.extend(plan.has_owners().then_some(Slot::Owner(rays)));
     writes.extend(plan.has_motion.then_some(Slot::Motion(rays)));
@@ -179,6 +187,41 @@ pub(super) fn index_of<K: PartialEq>(keys: &mut Vec<K>, key: K, add: impl FnOnce
         add();
         keys.len() - 1
     })
+}
+
+/// Finds the gaps whose pixels need rays.
+pub(super) fn check(plan: &Plan) -> Pass {
+    let [color, owner, depth] = [Slot::Color, Slot::Owner, Slot::Depth].map(|slot| slot(RaySet::Grid));
+    Pass {
+        feature: Feature::Sparse,
+        group: FirstGroup::SceneDepth(plan.samples),
+        reads: vec![vec![color, owner, depth]],
+        stores: vec![Slot::BatchCounts, Slot::BatchGaps],
+        writes: vec![Slot::Gaps],
+        covers_all: true,
+        zeroes: vec![Slot::BatchCounts],
+        ..Pass::fullscreen(CHECK, Place::Layer, Some(CachedResult::Layer), vec![Program::new("check")])
+    }
+}
+
+/// Completes the layer.
+pub(super) fn fill(plan: &Plan) -> Pass {
+    let of = |slot: fn(RaySet) -> Slot| [RaySet::Grid, RaySet::Batches].map(slot);
+    let [[color, batched_color], [owner, batched_owner], [depth, batched_depth]] =
+        [of(Slot::Color), of(Slot::Owner), of(Slot::Depth)];
+    let mut reads = vec![Slot::Gaps, color, owner, depth, batched_color, batched_owner, batched_depth];
+    if plan.has_motion {
+        reads.extend(of(Slot::Motion));
+    }
+    let program = Program::new("fill").define_if(plan.has_motion, "MOTION").depth_test(CompareFunction::Always, true);
+    Pass {
+        feature: Feature::Sparse,
+        reads: vec![reads],
+        writes: layer(plan, RaySet::Pixels),
+        depth: Some(Slot::DEPTH),
+        covers_all: true,
+        ..Pass::fullscreen(FILL, Place::Layer, Some(CachedResult::Layer), vec![program])
+    }
 }
 
 /// Requests the pipelines of props of these kinds.

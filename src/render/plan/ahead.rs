@@ -1,28 +1,61 @@
-//! What a view may soon draw, so that the pipelines are ready when it does.
+//! What a view needs before its frame is planned: the level of each prop, and the pipelines of what it may soon draw.
 
-use bevy::{platform::collections::HashSet, prelude::*, render::render_asset::RenderAssets};
+use bevy::{
+    camera::MainPassResolutionOverride,
+    platform::collections::HashSet,
+    prelude::*,
+    render::{camera::ExtractedCamera, render_asset::RenderAssets, view::ExtractedView},
+};
 
 use super::{
     decide::Known,
-    view::{Kind, Plan, Target},
+    view::{Kind, Plan, Target, drawn_viewport},
 };
 use crate::{
     camera::PropPlacement,
-    gpu::{FieldShape, GpuField, Level},
-    render::extract::{ExtractedProp, ExtractedProps},
+    gpu::{FieldShape, GpuField, Level, MAX_PROPS_IN_VIEW},
+    render::extract::{ExtractedProp, ExtractedProps, OrderedProp, VisibleProps},
 };
+
+/// Sorts the props of every view back to front, and requests their levels.
+pub(in crate::render) fn choose_levels(
+    extracted: Res<ExtractedProps>,
+    mut fields: ResMut<RenderAssets<GpuField>>,
+    mut views: Query<(&ExtractedView, &ExtractedCamera, Option<&MainPassResolutionOverride>, &mut VisibleProps)>,
+) {
+    for (view, camera, resolution, mut visible) in &mut views {
+        let VisibleProps { props, order, quality, .. } = &mut *visible;
+        order.clear();
+        let Some(viewport) = drawn_viewport(camera, resolution) else {
+            continue;
+        };
+        let (eye, forward) = (view.world_from_view.translation(), view.world_from_view.forward());
+        order.extend(props.iter().filter_map(|&index| {
+            let index = extracted.drawn(index, &fields)?;
+            let prop = extracted.props.get(index)?;
+            let field = fields.get_mut(prop.field)?;
+            let rays = prop.pose.rays(&view.world_from_view, view.clip_from_view, viewport.physical_size)?;
+            let level = prop.pose.level(rays.cell_size, quality);
+            field.request(level);
+            let distance = (prop.pose.center() - eye.as_dvec3()).dot(forward.as_dvec3());
+            Some(OrderedProp { distance, index, level })
+        }));
+        // Break ties by index, so that the order is deterministic. A stable sort would allocate.
+        order.sort_unstable_by(|a, b| b.distance.total_cmp(&a.distance).then(a.index.cmp(&b.index)));
+        if order.len() > MAX_PROPS_IN_VIEW {
+            error_once!("a camera sees {} props but draws only the nearest {MAX_PROPS_IN_VIEW}", order.len());
+            order.drain(..order.len() - MAX_PROPS_IN_VIEW);
+        }
+    }
+}
 
 /// Returns the kinds of props that may be drawn soon, and the plan in which they would be: those of fields that are
 /// arriving or that no prop shows yet.
-pub(in crate::render) fn look_ahead(
-    known: &Known,
-    extracted: &ExtractedProps,
-    fields: &RenderAssets<GpuField>,
-) -> (Plan, Vec<Kind>) {
-    let visible = known.visible;
+pub(in crate::render) fn look_ahead(known: &Known) -> (Plan, Vec<Kind>) {
+    let Known { extracted, fields, visible, .. } = known;
     let props = || visible.props.iter().filter_map(|index| extracted.props.get(*index));
     let in_scene = known.placement == PropPlacement::Scene;
-    let is_lit = |prop: &ExtractedProp| in_scene && visible.has_lights && prop.is_lit();
+    let is_lit = |prop: &ExtractedProp| in_scene && visible.has_lights && prop.lighting.is_some();
     let plan = Plan {
         samples: known.samples,
         target: Target { format: known.view.target_format, ..default() },

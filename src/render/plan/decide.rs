@@ -3,10 +3,9 @@
 use std::hash::{BuildHasher, Hash, Hasher};
 
 use super::{
-    motion::Motion,
+    motion::{Former, FormerProp, Motion},
     overlap::overlaps,
-    steady::{Former, FormerProp},
-    view::{Feature, Kind, Plan, PlanValues, PlannedProp, SPACING, Target},
+    view::{Feature, Kind, Plan, PlannedProp, SPACING, Target},
 };
 use crate::{
     camera::PropPlacement,
@@ -17,14 +16,14 @@ use crate::{
         colors::PlacedPalette,
         extract::{ExtractedInk, ExtractedPosterize, ExtractedProp, ExtractedProps, OrderedProp, VisibleProps},
         rays::{Rays, covered},
-        uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
+        uniforms::{FilterUniform, LabelsUniform, PlanValues, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
     },
 };
 use bevy::{
     camera::{Exposure, Viewport},
     core_pipeline::prepass::PreviousViewData,
     ecs::entity::EntityHashMap,
-    platform::{collections::HashSet, hash::FixedHasher},
+    platform::hash::FixedHasher,
     prelude::*,
     render::{
         camera::{ExtractedCamera, TemporalJitter},
@@ -35,6 +34,8 @@ use bevy::{
 
 /// What is known of a view before its frame is planned.
 pub(in crate::render) struct Known<'a> {
+    pub extracted: &'a ExtractedProps,
+    pub fields: &'a RenderAssets<GpuField>,
     pub view: &'a ExtractedView,
     pub camera: &'a ExtractedCamera,
     pub samples: u32,
@@ -73,14 +74,8 @@ type Owner<'a> = (Option<&'a ExtractedPosterize>, Option<&'a PlacedPalette>, Opt
 /// With a `held` plan, that of the last frame, it draws the same levels of the same props with the same pipelines, in
 /// their current places and colors. What is new waits, and of what is gone, only the pipelines stay: they draw the same
 /// without it.
-pub(in crate::render) fn decide(
-    known: &Known,
-    missing: &[Feature],
-    held: Option<&Plan>,
-    extracted: &ExtractedProps,
-    fields: &RenderAssets<GpuField>,
-) -> Option<Plan> {
-    let Known { view, camera, visible, viewport, .. } = known;
+pub(in crate::render) fn decide(known: &Known, missing: &[Feature], held: Option<&Plan>) -> Option<Plan> {
+    let Known { extracted, view, camera, visible, viewport, .. } = known;
     let has = |feature| held.map_or(!missing.contains(&feature), |held| held.keeps(feature));
     let quality = &visible.quality;
     let size = viewport.physical_size;
@@ -99,7 +94,7 @@ pub(in crate::render) fn decide(
     let seen: Vec<_> = visible
         .order
         .iter()
-        .filter_map(|ordered| see(ordered, known, &last, held.is_some(), extracted, fields, &motion, has_labels))
+        .filter_map(|ordered| see(ordered, known, &last, held.is_some(), &motion, has_labels))
         .collect();
     let rects: Vec<_> = seen.iter().map(|seen| covered(seen.rays.clip_from_box, size)).collect();
     let view_posterize = visible.view_posterize.as_ref().filter(|view| view.palette.colors > 0 && has_labels);
@@ -127,7 +122,7 @@ pub(in crate::render) fn decide(
             let kind = Kind {
                 shape: seen.field.shape,
                 overlaps: found && overlaps,
-                is_lit: seen.prop.is_lit() && in_scene && visible.has_lights && has(Feature::Lighting),
+                is_lit: seen.prop.lighting.is_some() && in_scene && visible.has_lights && has(Feature::Lighting),
                 may_recolor: seen.prop.recolor.is_some(),
             };
             PlannedProp {
@@ -268,18 +263,16 @@ pub(in crate::render) fn decide(
 /// `last` frame drew it as trained, or its settings say so. Returns only props of that frame if `is_held`.
 fn see<'a>(
     ordered: &OrderedProp,
-    known: &Known,
+    known: &Known<'a>,
     last: &EntityHashMap<&'a PlannedProp>,
     is_held: bool,
-    extracted: &'a ExtractedProps,
-    fields: &'a RenderAssets<GpuField>,
     motion: &Motion,
     has_labels: bool,
 ) -> Option<VisibleProp<'a>> {
-    let prop = extracted.props.get(ordered.index)?;
+    let prop = known.extracted.props.get(ordered.index)?;
     let last = last.get(&prop.entity).copied();
     let held = if is_held { Some(last?) } else { None };
-    let (field, level, pose) = prop.at_level(held.map_or(ordered.level, |held| held.level), fields)?;
+    let (field, level, pose) = prop.at_level(held.map_or(ordered.level, |held| held.level), known.fields)?;
     let size = known.viewport.physical_size;
     let rays = pose.rays(&known.view.world_from_view, motion.clip_from_view, size)?;
     let posterize = prop.posterize.as_ref().filter(|posterize| posterize.palette.colors > 0);
@@ -323,16 +316,10 @@ fn labels_hash(posterize: &ExtractedPosterize, colors: &[Vec4]) -> u64 {
 /// Returns a number that is different for different colors of the palettes, and for different pairs of ramps between
 /// which ink is drawn.
 fn palettes_hash(owners: &[Owner], colors: &[Vec4]) -> u64 {
-    let (mut hasher, mut hashed) = (FixedHasher.build_hasher(), HashSet::<_>::default());
-    for palette in owners.iter().filter_map(|(_, palette, _)| *palette) {
-        let first = palette.first_color as usize;
-        if hashed.insert(first) {
-            let colors = colors.get(first..first + 2 * palette.colors as usize).unwrap_or_default();
-            bytemuck::cast_slice::<_, u8>(colors).hash(&mut hasher);
-        }
-    }
-    for ink in owners.iter().filter_map(|(.., ink)| *ink) {
-        bytemuck::cast_slice::<_, u8>(ink.pairs_in(colors)).hash(&mut hasher);
+    let mut hasher = FixedHasher.build_hasher();
+    for (_, palette, ink) in owners {
+        let pairs = ink.as_ref().map(|ink| bytemuck::cast_slice::<_, u8>(ink.pairs_in(colors)));
+        (palette.map(|palette| palette.hash), pairs).hash(&mut hasher);
     }
     hasher.finish()
 }

@@ -2,13 +2,10 @@
 
 mod ahead;
 mod decide;
-mod levels;
 mod motion;
 mod overlap;
-mod steady;
 mod view;
 
-pub(super) use ahead::look_ahead;
+pub(super) use ahead::{choose_levels, look_ahead};
 pub(super) use decide::{Known, decide};
-pub(super) use levels::choose_levels;
-pub(super) use view::{Feature, Kind, Plan, PlanValues, PlannedProp, SPACING, drawn_viewport};
+pub(super) use view::{Feature, Kind, Plan, PlannedProp, SPACING, drawn_viewport};

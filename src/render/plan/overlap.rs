@@ -5,35 +5,27 @@ use bevy::math::URect;
 /// Returns for every rectangle whether it shares a pixel with another one. Empty rectangles share none.
 ///
 /// Goes through the rectangles from left to right. Those that overlap none so far are compared with every rectangle
-/// that begins before they end, but there are few: they share no rows. Of the others, the first one that is met is
-/// enough.
+/// that begins before they end, but there are few: they share no rows. Of the others, any one is enough.
 pub(super) fn overlaps(rects: &[URect]) -> Vec<bool> {
-    let mut found = vec![false; rects.len()];
     let mut order: Vec<_> = (0..rects.len()).filter(|index| !rects[*index].is_empty()).collect();
     order.sort_unstable_by_key(|index| rects[*index].min.x);
+    let mut found = vec![false; rects.len()];
     let (mut alone, mut met) = (Vec::<usize>::new(), Vec::<usize>::new());
     for index in order {
-        let rect = &rects[index];
-        let ended = |other: usize| rects[other].max.x <= rect.min.x;
-        let meets = |other: usize| rects[other].min.y < rect.max.y && rects[other].max.y > rect.min.y;
-        alone.retain(|other| {
-            let meets = !ended(*other) && meets(*other);
-            if meets {
-                (found[index], found[*other]) = (true, true);
-                met.push(*other);
-            }
-            !meets && !ended(*other)
-        });
-        let mut next = 0;
-        while !found[index] && next < met.len() {
-            if ended(met[next]) {
-                met.swap_remove(next);
-            } else {
-                found[index] = meets(met[next]);
-                next += 1;
-            }
+        let rect = rects[index];
+        let meets = |other: &usize| !rect.intersect(rects[*other]).is_empty();
+        let goes_on = |other: &usize| rects[*other].max.x > rect.min.x;
+        alone.retain(goes_on);
+        let known = met.len();
+        met.extend(alone.extract_if(.., |other| meets(other)));
+        met[known..].iter().for_each(|other| found[*other] = true);
+        found[index] = met.len() > known || met.iter().rev().any(meets);
+        if found[index] {
+            met.push(index);
+        } else {
+            met.retain(goes_on);
+            alone.push(index);
         }
-        if found[index] { met.push(index) } else { alone.push(index) }
     }
     found
 }

@@ -11,11 +11,11 @@ use bevy::{
     shader::Shader,
 };
 
-use super::steady::Former;
+use super::motion::Former;
 use crate::{
     camera::PropPlacement,
     gpu::{FieldShape, Level},
-    render::uniforms::{FilterUniform, LabelsUniform, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
+    render::uniforms::{LabelsUniform, PlanValues, Rect, Smooths},
 };
 
 /// Pixels per ray of the grid, along each axis, where rays are cast for some pixels only. Matches `batch.wgsl`.
@@ -83,19 +83,6 @@ pub(in crate::render) struct Plan {
     /// Whether transparent objects are drawn over props at the display.
     pub has_objects: bool,
     pub values: PlanValues,
-}
-
-/// The values of the uniforms of a plan.
-#[derive(Clone, Default)]
-pub(in crate::render) struct PlanValues {
-    pub view: ViewUniform,
-    pub screen: ScreenUniform,
-    /// One for each prop, and one for the posterized view, if there is one.
-    pub props: Vec<PropUniform>,
-    pub filters: Vec<FilterUniform>,
-    pub labelings: Vec<LabelsUniform>,
-    /// A number that is different for different colors of the view's palettes.
-    pub palettes: u64,
 }
 
 /// The properties of a camera's target that pipelines depend on.
@@ -233,7 +220,6 @@ impl Plan {
     }
 
     /// Returns how the prop at an index of the plan is labeled: by itself, or by the posterized view.
-    #[cfg(feature = "shadows")]
     pub fn labeling_of(&self, prop: usize) -> Option<&LabelsUniform> {
         let labelings = &self.values.labelings;
         match self.props.get(prop) {

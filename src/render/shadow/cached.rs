@@ -66,9 +66,9 @@ impl CachedCaster {
 }
 
 impl CachedCasters {
-    /// Begins a frame, in which only casters that are updated are cached.
+    /// Begins a frame: drops the tiles of casters that the last one did not update.
     pub fn begin(&mut self) {
-        self.casters.values_mut().for_each(|caster| caster.is_in_map = false);
+        self.casters.retain(|_, caster| std::mem::take(&mut caster.is_in_map));
         self.texels = self.casters.values().map(CachedCaster::cached_texels).sum();
     }
 
@@ -97,11 +97,6 @@ impl CachedCasters {
             self.texels += caster.cached_texels();
         }
         caster.tile.as_ref()
-    }
-
-    /// Ends the frame: drops the tiles of casters that are no longer in the map.
-    pub fn end(&mut self) {
-        self.casters.retain(|_, caster| caster.is_in_map);
     }
 
     pub fn tile(&mut self, prop: Entity) -> Option<&mut Tile> {

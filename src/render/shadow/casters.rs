@@ -1,39 +1,44 @@
-//! The props that cast shadows, in the main world.
+//! The props that cast shadows: finds them in the main world, and then in every shadow map, and chooses their levels.
 
 use bevy::{
     camera::{
-        primitives::{Aabb, CascadesFrusta, CubemapFrusta, Frustum, Sphere},
+        primitives::{Aabb, CascadesFrusta, CubemapFrusta, Frustum},
         visibility::{NoFrustumCulling, RenderLayers, SetViewVisibility, VisibilityRange, VisibleEntityRanges},
     },
     ecs::entity::EntityHashMap,
     light::NotShadowCaster,
-    math::{Affine3A, Vec3A},
+    pbr::{ExtractedPointLight, LightEntity, Shadow, ShadowView},
     prelude::*,
-    render::{Extract, sync_world::RenderEntity},
+    render::{
+        Extract, render_asset::RenderAssets, render_phase::ViewBinnedRenderPhases, renderer::RenderDevice,
+        sync_world::RenderEntity, view::ExtractedView,
+    },
+};
+use glam::DVec4;
+
+use super::{
+    maps::{Caster, MapProps},
+    texels::{LightView, map_size},
+};
+use crate::{
+    gpu::{GpuField, MAX_PROPS_IN_VIEW},
+    prop::{Prop, SolidOpacity},
+    quality::PropQuality,
+    render::{extract::ExtractedProps, rays::Pose},
 };
 
-use crate::{prop::Prop, quality::PropQuality};
-
 /// The part of the scene that casts shadows into one shadow map.
-pub(super) struct LightVolume {
+struct LightVolume {
     frustum: Frustum,
     layers: RenderLayers,
-    /// The range of a point or spot light. `None` for directional lights.
-    reach: Option<Sphere>,
+    /// Whether it is that of a point or spot light. The sun is infinitely far away, so its volume has no near plane.
+    is_lamp: bool,
 }
 
-impl LightVolume {
-    fn contains(&self, bounds: &Aabb, transform: &Affine3A) -> bool {
-        self.reach.is_none_or(|reach| reach.intersects_obb(bounds, transform))
-            && self.frustum.intersects_obb(bounds, transform, self.reach.is_some(), true)
-    }
-}
-
-type Light<'a, T, F> = (&'a T, &'a F, &'a GlobalTransform, Option<&'a RenderLayers>, &'a ViewVisibility);
+type Light<'a, T, F> = (&'a T, &'a F, (Option<&'a RenderLayers>, &'a ViewVisibility));
 
 /// Makes the props that a light sees visible, as Bevy does with meshes: props that no camera sees cast shadows as well.
 pub(super) fn show_casters(
-    mut volumes: Local<Vec<LightVolume>>,
     mut queries: ParamSet<(
         (
             Query<Light<DirectionalLight, CascadesFrusta>>,
@@ -57,22 +62,21 @@ pub(super) fn show_casters(
     cameras: Query<Entity, With<Camera>>,
     ranges: Option<Res<VisibleEntityRanges>>,
 ) {
-    volumes.clear();
+    let mut volumes = vec![];
     let (suns, lamps, spots) = queries.p0();
-    for (light, cascades, _, layers, visibility) in &suns {
-        if light.shadow_maps_enabled && visibility.get() {
-            volumes.extend(cascades.frusta.values().flatten().map(|frustum| seen(frustum, layers, None)));
-        }
-    }
-    for (light, faces, transform, layers, visibility) in &lamps {
-        if light.shadow_maps_enabled && visibility.get() {
-            let reach = reach(transform, light.range);
-            volumes.extend(faces.iter().map(|frustum| seen(frustum, layers, Some(reach))));
-        }
-    }
-    for (light, frustum, transform, layers, visibility) in &spots {
-        if light.shadow_maps_enabled && visibility.get() {
-            volumes.push(seen(frustum, layers, Some(reach(transform, light.range))));
+    let of_suns = suns.iter().map(|(light, cascades, of)| {
+        (light.shadow_maps_enabled, cascades.frusta.values().flatten().collect::<Vec<_>>(), of, false)
+    });
+    let of_lamps = lamps.iter().map(|(light, faces, of)| (light.shadow_maps_enabled, faces.iter().collect(), of, true));
+    let of_spots = spots.iter().map(|(light, frustum, of)| (light.shadow_maps_enabled, vec![frustum], of, true));
+    for (has_maps, frusta, (layers, visibility), is_lamp) in of_suns.chain(of_lamps).chain(of_spots) {
+        if has_maps && visibility.get() {
+            let volume = |frustum: &Frustum| LightVolume {
+                frustum: *frustum,
+                layers: layers.cloned().unwrap_or_default(),
+                is_lamp,
+            };
+            volumes.extend(frusta.into_iter().map(volume));
         }
     }
     if volumes.is_empty() {
@@ -88,20 +92,13 @@ pub(super) fn show_casters(
         }
         let (layers, transform) = (layers.unwrap_or_default(), transform.affine());
         let bounds = bounds.filter(|_| !everywhere);
-        if volumes.iter().any(|volume| {
-            volume.layers.intersects(layers) && bounds.is_none_or(|bounds| volume.contains(bounds, &transform))
+        if volumes.iter().any(|LightVolume { frustum, layers: of_light, is_lamp }| {
+            let contains = |bounds: &Aabb| frustum.intersects_obb(bounds, &transform, *is_lamp, true);
+            of_light.intersects(layers) && bounds.is_none_or(contains)
         }) {
             visibility.set_visible();
         }
     }
-}
-
-fn seen(frustum: &Frustum, layers: Option<&RenderLayers>, reach: Option<Sphere>) -> LightVolume {
-    LightVolume { frustum: *frustum, layers: layers.cloned().unwrap_or_default(), reach }
-}
-
-fn reach(light: &GlobalTransform, range: f32) -> Sphere {
-    Sphere { center: Vec3A::from(light.translation()), radius: range }
 }
 
 /// The casters, in the render world.
@@ -125,4 +122,58 @@ pub(super) fn extract_casters(
     casters.props.extend(visible.map(|(entity, layers, _)| (entity, layers.cloned().unwrap_or_default())));
     casters.qualities.clear();
     casters.qualities.extend(lights.iter().map(|(light, quality)| (light, quality.clamped())));
+}
+
+/// The quality of shadows of lights without their own: cells are no larger than texels.
+const QUALITY: PropQuality = PropQuality { cell_size: 1.0, ..PropQuality::EXACT };
+
+/// Finds the props in every map, and requests their levels.
+pub(super) fn choose_levels(
+    extracted: Res<ExtractedProps>,
+    casters: Res<Casters>,
+    mut fields: ResMut<RenderAssets<GpuField>>,
+    phases: Option<Res<ViewBinnedRenderPhases<Shadow>>>,
+    lamps: Query<&ExtractedPointLight>,
+    device: Res<RenderDevice>,
+    mut maps: Query<(&ExtractedView, &Frustum, &LightEntity, &RenderLayers, &mut MapProps), With<ShadowView>>,
+) {
+    for (view, frustum, light, layers, mut map) in &mut maps {
+        let size = map_size(view, &device);
+        map.order.clear();
+        // Lights that are out of view keep their maps, but Bevy does not draw them.
+        if !phases.as_ref().is_some_and(|phases| phases.contains_key(&view.retained_view_entity)) {
+            continue;
+        }
+        let (LightEntity::Directional { light_entity, .. }
+        | LightEntity::Point { light_entity, .. }
+        | LightEntity::Spot { light_entity }) = light;
+        let quality = casters.qualities.get(light_entity).unwrap_or(&QUALITY);
+        let reach = lamps.get(*light_entity).map_or(f64::INFINITY, |lamp| lamp.range.into());
+        // The near plane of a sun's map is infinitely far away, and the far plane of a lamp's is at its range.
+        let is_lamp = reach.is_finite();
+        let may_have = |pose: &Pose| {
+            let world_from_box = pose.box_from_world().inverse().as_affine3a();
+            frustum.intersects_obb(&Aabb::from_min_max(Vec3::ZERO, Vec3::ONE), &world_from_box, true, is_lamp)
+        };
+        let in_layers = casters.props.iter().filter(|(_, of_prop)| of_prop.intersects(layers));
+        map.order.extend(in_layers.filter_map(|(entity, _)| {
+            let index = extracted.drawn(*extracted.index.get(entity)?, &fields)?;
+            let prop = extracted.props.get(index).filter(|prop| prop.solid != SolidOpacity::Never)?;
+            // For most props of a scene with many lights, rays need not be computed.
+            if !may_have(&prop.pose) {
+                return None;
+            }
+            let seen = LightView::new(&prop.pose, view, size).filter(|seen| is_in(seen, view, reach))?;
+            let level = prop.pose.level(seen.rays.cell_size, quality);
+            fields.get_mut(prop.field)?.request(level);
+            Some(Caster { entity: *entity, index, level })
+        }));
+        map.order.truncate(MAX_PROPS_IN_VIEW);
+    }
+}
+
+/// Returns whether a prop is in a map and within the range of the light.
+fn is_in(seen: &LightView, view: &ExtractedView, reach: f64) -> bool {
+    let nearest = view.clip_from_view.as_dmat4() * DVec4::new(0.0, 0.0, -seen.near, 1.0);
+    seen.near < reach && nearest.z > 0.0 && !seen.on_map().is_empty()
 }

@@ -1,20 +1,25 @@
-//! The props in every shadow map, and their uniforms.
+//! The props in every shadow map, and how they are drawn into it.
 
 use bevy::{
     ecs::entity::EntityHashSet,
+    pbr::{ShadowView, ViewLightEntities},
     platform::collections::HashMap,
     prelude::*,
     render::{
+        diagnostic::RecordDiagnostics,
         render_asset::RenderAssets,
-        render_resource::{BindGroup, BufferUsages, CachedRenderPipelineId, PipelineCache},
-        renderer::{RenderDevice, RenderQueue},
+        render_phase::TrackedRenderPass,
+        render_resource::{
+            BindGroup, BufferUsages, CachedRenderPipelineId, CompareFunction, PipelineCache, RenderPassColorAttachment,
+            RenderPassDescriptor, StoreOp,
+        },
+        renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery},
         view::ExtractedView,
     },
 };
 
 use super::{
     cached::{CachedCasters, CasterKey, Tile},
-    pipeline::{SHADOW_SPAN, passes},
     texels::{LightView, clip_from_part, map_size, parts},
 };
 use crate::{
@@ -22,28 +27,31 @@ use crate::{
     quality::PropQuality,
     render::{
         extract::{ExtractedProps, VisibleProps},
-        frame::{Access, BindGroups, FirstGroup, Pipelines, PropView, Slot, TILE_FORMAT},
+        frame::{Access, FirstGroup, Pass, Pipelines, Place, Program, PropView, Slot, TILE_FORMAT, bind},
         uniforms::{PropUniform, ViewUniform},
     },
 };
+
+/// The name of the pass's span in Bevy's render diagnostics. There is one per camera, for all of its cascades, and one
+/// for every map of a point or spot light.
+pub const SHADOW_SPAN: &str = "plenoctree_shadow";
 
 /// The props in a shadow map.
 #[derive(Component, Default)]
 pub(super) struct MapProps {
     pub order: Vec<Caster>,
     /// What is drawn into tiles, before the map.
-    pub filled: Vec<Drawn>,
+    filled: Vec<Drawn>,
     /// What is drawn into the map.
-    pub drawn: Vec<Drawn>,
-    pub cached: CachedCasters,
+    drawn: Vec<Drawn>,
+    cached: CachedCasters,
     allocator: Allocator,
     view: WrittenBuffer,
     /// The uniforms of draw calls: what rays are marched through, and the tiles that are copied.
     uniforms: Vec<PropUniform>,
     props: WrittenBuffer,
-    groups: BindGroups,
     /// Bind group 0.
-    pub group: Option<BindGroup>,
+    group: Option<BindGroup>,
 }
 
 /// A prop in a map.
@@ -58,16 +66,16 @@ pub(super) struct Caster {
 
 /// A draw call.
 #[derive(Clone)]
-pub(super) struct Drawn {
+struct Drawn {
     /// The prop's entity in the main world.
-    pub entity: Entity,
-    pub pipeline: CachedRenderPipelineId,
+    entity: Entity,
+    pipeline: CachedRenderPipelineId,
     /// Bind group 1.
-    pub group: BindGroup,
+    group: BindGroup,
     /// The texels that it can cover.
-    pub rect: URect,
+    rect: URect,
     /// The index of its uniform.
-    pub instance: u32,
+    instance: u32,
 }
 
 /// Forgets what was on a lost device.
@@ -93,8 +101,7 @@ pub(super) fn prepare_maps(
         cache.get_bind_group_layout(&pipelines.bound_layout(SHADOW_SPAN, Access::Read, &[Slot::ShadowTile]));
     let mut of_trees = HashMap::<TreeShape, [CachedRenderPipelineId; 3]>::default();
     for (view, mut map) in &mut maps {
-        let MapProps { order, filled, drawn, cached, allocator, view: of_view, uniforms, props, groups, group } =
-            &mut *map;
+        let MapProps { order, filled, drawn, cached, allocator, view: of_view, uniforms, props, group } = &mut *map;
         let size = map_size(view, &device);
         // Shadows do not appear before the props that cast them, but those that are there stay.
         let mut hidden = waiting.clone();
@@ -103,7 +110,6 @@ pub(super) fn prepare_maps(
         drawn.clear();
         uniforms.clear();
         cached.begin();
-        groups.begin();
         for Caster { entity, index, level } in order {
             let Some(prop) = extracted.props.get(*index).filter(|_| !hidden.contains(entity)) else {
                 continue;
@@ -151,7 +157,6 @@ pub(super) fn prepare_maps(
             let from_tile = Drawn { pipeline: copy, group: tile.group.clone(), rect: seen.on_map(), ..on_map };
             push(drawn, uniforms, &from_tile, size, PropUniform::tile(texels.min + seen.shift, near));
         }
-        cached.end();
         if drawn.is_empty() {
             continue;
         }
@@ -161,7 +166,7 @@ pub(super) fn prepare_maps(
         of_view.set(&device, &queue, "plenoctree_map", BufferUsages::UNIFORM, &uniform);
         props.set(&device, &queue, "plenoctree_map_props", BufferUsages::STORAGE, uniforms);
         let bindings: Option<Vec<_>> = [&*of_view, &*props].into_iter().map(WrittenBuffer::binding).collect();
-        *group = bindings.map(|bindings| groups.get(&device, &cache, &layout, &bindings));
+        *group = bindings.map(|bindings| bind(&device, &cache, &layout, &bindings));
     }
 }
 
@@ -182,5 +187,94 @@ fn push(calls: &mut Vec<Drawn>, uniforms: &mut Vec<PropUniform>, call: &Drawn, s
     for rect in parts(call.rect, size) {
         calls.push(Drawn { rect, instance: uniforms.len() as u32, ..call.clone() });
         uniforms.push(uniform.drawn_to(clip_from_part(rect, size)));
+    }
+}
+
+/// Returns the passes that march rays into the map, march rays into a tile, and copy a tile into the map. Only their
+/// pipelines are used.
+fn passes(tree: TreeShape) -> [Pass; 3] {
+    // Bevy's maps have the depth order of the scene's depth texture.
+    let shadow = Program::new("shadow").define("SHADOW_MAP").depth_test(CompareFunction::Greater, true);
+    let program = |tree| Program { vertex: "shadow", tree, ..shadow.clone() };
+    let pass = |program| Pass {
+        group: FirstGroup::Map,
+        depth: Some(Slot::TargetDepth),
+        ..Pass::fullscreen(SHADOW_SPAN, Place::Layer, None, vec![program])
+    };
+    [
+        pass(program(Some(tree))),
+        Pass { writes: vec![Slot::ShadowTile], depth: None, ..pass(program(Some(tree)).define("TO_TILE")) },
+        Pass { reads: vec![vec![Slot::ShadowTile]], ..pass(program(None).define("FROM_TILE")) },
+    ]
+}
+
+/// Draws into the maps of a view: those of directional lights, if it is a camera, or else the map of a point or spot
+/// light, which is a view of its own, because all cameras share it.
+pub(super) fn draw_maps(
+    view: ViewQuery<Option<&ViewLightEntities>>,
+    mut maps: Query<(&ShadowView, &mut MapProps)>,
+    cache: Res<PipelineCache>,
+    mut ctx: RenderContext,
+) {
+    let own = [view.entity()];
+    let views = view.into_inner().map_or(&own[..], |camera| &camera.lights[..]);
+    if maps.iter_many(views).all(|(_, map)| map.drawn.is_empty()) {
+        return;
+    }
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let span = diagnostics.time_span(ctx.command_encoder(), SHADOW_SPAN);
+    let mut maps = maps.iter_many_mut(views);
+    while let Some((view, mut map)) = maps.fetch_next() {
+        draw(view, &mut map, &cache, &mut ctx);
+    }
+    span.end(ctx.command_encoder());
+}
+
+fn draw(view: &ShadowView, map: &mut MapProps, cache: &PipelineCache, ctx: &mut RenderContext) {
+    let MapProps { filled, drawn, cached, group, .. } = map;
+    let (false, Some(group)) = (drawn.is_empty(), &*group) else {
+        return;
+    };
+    for calls in filled.chunk_by(|a, b| a.entity == b.entity) {
+        let Some(tile) = calls.first().and_then(|call| cached.tile(call.entity)) else {
+            continue;
+        };
+        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some(SHADOW_SPAN),
+            color_attachments: &[Some(RenderPassColorAttachment {
+                view: &tile.texture,
+                depth_slice: None,
+                resolve_target: None,
+                ops: default(),
+            })],
+            ..default()
+        });
+        draw_calls(&mut pass, group, calls, cache);
+        tile.is_filled = true;
+    }
+    let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+        label: Some(SHADOW_SPAN),
+        depth_stencil_attachment: Some(view.depth_attachment.get_attachment(StoreOp::Store)),
+        ..default()
+    });
+    draw_calls(&mut pass, group, drawn, cache);
+}
+
+fn draw_calls<'a>(
+    pass: &mut TrackedRenderPass<'a>,
+    group: &'a BindGroup,
+    calls: &'a [Drawn],
+    cache: &'a PipelineCache,
+) {
+    pass.set_bind_group(0, group, &[]);
+    for call in calls {
+        let Some(pipeline) = cache.get_render_pipeline(call.pipeline) else {
+            continue;
+        };
+        pass.set_render_pipeline(pipeline);
+        pass.set_bind_group(1, &call.group, &[]);
+        pass.set_scissor_rect(call.rect.min.x, call.rect.min.y, call.rect.width(), call.rect.height());
+        pass.draw(0..3, call.instance..call.instance + 1);
     }
 }

@@ -11,13 +11,10 @@
 
 mod cached;
 mod casters;
-mod levels;
 mod maps;
-mod pass;
-mod pipeline;
 mod texels;
 
-pub use pipeline::SHADOW_SPAN;
+pub use maps::SHADOW_SPAN;
 
 use bevy::{
     camera::visibility::VisibilitySystems,
@@ -43,13 +40,13 @@ pub(super) fn plugin(app: &mut App) {
         .add_systems(
             Render,
             (
-                levels::choose_levels.in_set(PlenOctreeRenderSystems::ChooseLevels),
+                casters::choose_levels.in_set(PlenOctreeRenderSystems::ChooseLevels),
                 maps::prepare_maps.in_set(PlenOctreeRenderSystems::PlanViews).after(plan_views),
             ),
         )
         .add_systems(
             Core3d,
-            pass::draw_maps
+            maps::draw_maps
                 .after(per_view_shadow_pass::<LATE_SHADOW_PASS>)
                 .after(shared_shadow_pass::<LATE_SHADOW_PASS>)
                 .before(Core3dSystems::MainPass),
