@@ -91,7 +91,7 @@ impl Scene {
         static PALETTES: Mutex<BTreeMap<&str, Palette>> = Mutex::new(BTreeMap::new());
         let field = included(name);
         let extracted = || {
-            let sampling = SamplingSettings { sample_fraction: 0.1, ..default() };
+            let sampling = SamplingSettings { sample_fraction: 0.03, ..default() };
             let fitted = ExtractionSettings { method: PaletteMethod::Fitted, sampling, ..default() };
             extract(&field, &fitted, &Progress::default()).unwrap().palette
         };
@@ -157,14 +157,13 @@ impl Scene {
     }
 
     /// Checks that opacity replaces the rays of many pixels, and finds about what rays find.
-    fn check_estimates(&mut self, what: &str) {
-        let fine = self.fine();
+    fn check_estimates(&mut self, fine: &Fine, what: &str) {
         let all_rays = PropQuality { estimates_edges: false, ..default() };
         let qualities = [all_rays, default(), PropQuality { edge_rays: 4, ..default() }];
         let (mut frames, mut errors) = (vec![], vec![]);
         for quality in qualities {
             self.set(quality);
-            let (hard, smooth) = self.errors(what, &fine);
+            let (hard, smooth) = self.errors(what, fine);
             errors.push(smooth / hard);
             frames.push(self.draw(EdgeSmoothing::Coverage));
         }
@@ -363,7 +362,8 @@ fn edges_between_large_cells_follow_from_opacity() {
         stage.set(close(Vec3::new(x, 0.3, -0.2)));
         // With a single label, errors are those of silhouettes alone.
         stage.spawn_posterized(&included(name), Palette::new(vec![GREEN]).unwrap(), default());
-        stage.check_estimates(name);
+        let fine = stage.fine();
+        stage.check_estimates(&fine, name);
         stage.clear();
     }
 }
@@ -380,18 +380,21 @@ fn opacity_replaces_rays_in_all_views() {
     };
     stage.set(Transform::from_xyz(0.0, 0.0, 3.0));
     spawn(&mut stage, -0.6);
-    stage.check_estimates("alone");
+    let fine = stage.fine();
+    stage.check_estimates(&fine, "alone");
     stage.set(Msaa::Sample4);
-    stage.check_estimates("with samples");
+    stage.check_estimates(&fine, "with samples");
     stage.set((Msaa::Off, PropPlacement::Display));
-    stage.check_estimates("at the display");
+    stage.check_estimates(&fine, "at the display");
     stage.set(PropPlacement::Scene);
     stage.spawn_wall(8.0, behind());
-    stage.check_estimates("before a mesh");
+    let fine = stage.fine();
+    stage.check_estimates(&fine, "before a mesh");
     spawn(&mut stage, 0.6);
-    stage.check_estimates("beside another prop");
+    let fine = stage.fine();
+    stage.check_estimates(&fine, "beside another prop");
     stage.set(Msaa::Sample4);
-    stage.check_estimates("beside another prop, with samples");
+    stage.check_estimates(&fine, "beside another prop, with samples");
 }
 
 /// Where the opacity of another prop may be part of what pixels see, and where opacity changes at once, rays are needed.
@@ -538,13 +541,13 @@ fn slits_show_the_scene_behind() {
         if has_wall {
             stage.spawn_wall(12.0, Transform::from_xyz(0.0, 0.0, -2.0));
         }
+        let (owners, truth) = stage.fine();
         for (msaa, place) in [
             (Msaa::Off, PropPlacement::Scene),
             (Msaa::Sample4, PropPlacement::Scene),
             (Msaa::Off, PropPlacement::Display),
         ] {
             stage.set((msaa, place));
-            let (owners, truth) = stage.fine();
             let marked = outlines(&stage.owners());
             let slits: Vec<_> =
                 crossed(&owners).iter().zip(&marked).map(|(is_crossed, is_marked)| *is_crossed && !is_marked).collect();

@@ -30,7 +30,8 @@ fn the_example_extract_finds_the_palette_of_the_cpu_on_the_gpu() {
         scene::build(app);
     });
     stage.close();
-    stage.world().resource_mut::<PaletteExtraction>().settings.sampling.sample_fraction = 0.1;
+    let sampling = &mut stage.world().resource_mut::<PaletteExtraction>().settings.sampling;
+    (sampling.sample_fraction, sampling.directions) = (0.03, 1);
     let props = |stage: &mut Stage| {
         let world = stage.world();
         world.query::<&Prop>().iter(world).map(|prop| prop.0.clone()).collect::<Vec<_>>()

@@ -112,14 +112,15 @@ fn props_fade_as_meshes_do(stage: &mut Sides) {
 /// a color that tonemapping does not clip.
 fn props_fade_as_meshes_do_whose_tones_are_mapped(stage: &mut Sides) {
     spawn_pair(stage, DVec3::new(0.45, 0.7, 0.35));
-    for tonemapping in TONEMAPPINGS {
+    for (index, tonemapping) in TONEMAPPINGS.into_iter().enumerate() {
         stage.set_both(tonemapping);
         stage.unset_both::<DistanceFog>();
         let clear = stage.capture();
         let (_, of_mesh) = pairs().next().unwrap();
         let shown = at(&clear, of_mesh) / 255.0;
         stage.show(&cube(SOLID, shown));
-        for (name, fog) in fogs() {
+        // One falloff after another, because tones are mapped after any of them alike.
+        for (name, fog) in &fogs()[2 * (index % 4)..][..2] {
             stage.set_both(fog.clone());
             check(stage, shown, &format!("{name}, {tonemapping:?}"));
         }

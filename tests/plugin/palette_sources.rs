@@ -125,7 +125,8 @@ fn the_toadstool_is_sampled_when_it_arrives() {
         stage.close();
         let mut extraction = stage.world().resource_mut::<PaletteExtraction>();
         extraction.sampler = sampler;
-        extraction.settings.sampling.sample_fraction = 0.03;
+        let sampling = &mut extraction.settings.sampling;
+        (sampling.sample_fraction, sampling.directions) = (0.01, 1);
         let field = stage.resource::<AssetServer>().load("toadstool.plenoctree");
         stage.spawn((Prop(field.clone()), Posterize::default()));
         stage.wait();

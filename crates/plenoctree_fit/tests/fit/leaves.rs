@@ -28,7 +28,7 @@ fn leaves_are_small_where_the_detail_is() {
     scene::write_pictures_of(&balls(), &folder, &cameras);
     scene::write_transforms(&folder, &cameras);
     let fitted = |leaves: usize| {
-        let settings = FitSettings { leaves, effort: 0.04, basis: Basis::Sh1, ..FitSettings::default() };
+        let settings = FitSettings { leaves, effort: 0.025, basis: Basis::Sh1, ..FitSettings::default() };
         let fitted = fit_folder(&folder, &settings);
         (fitted.report.held_out.unwrap().psnr_db, fitted.field)
     };

@@ -14,7 +14,7 @@ use scene::{cameras, folder, write_pictures, write_transforms};
 
 /// A few seconds of work.
 fn quick() -> FitSettings {
-    FitSettings { depth: Some(6), effort: 0.12, basis: Basis::Sh4, ..FitSettings::default() }
+    FitSettings { depth: Some(6), effort: 0.08, basis: Basis::Sh4, ..FitSettings::default() }
 }
 
 /// Returns a folder with pictures with opacity, and their cameras.
@@ -222,7 +222,7 @@ fn wrong_poses_are_reported() {
     cameras[18].position += DVec3::new(0.4, -0.4, 0.4);
     cameras[29].rotation *= DMat3::from_rotation_y(3.0);
     write_transforms(&folder, &cameras);
-    let fitted = fit_folder(&folder, &quick());
+    let fitted = fit_folder(&folder, &FitSettings { effort: 0.12, ..quick() });
     let numbers: Vec<usize> = fitted.report.suspicious.iter().map(|view| view.number).collect();
     assert_eq!(numbers, [11, 18, 29], "{:?}", fitted.report.suspicious);
     assert_eq!(fitted.report.suspicious[0].name, "./v_11");

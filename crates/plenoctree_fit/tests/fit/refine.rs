@@ -66,7 +66,7 @@ fn refining_ends_when_it_does_not_pay() {
 #[test]
 fn refining_goes_on_while_it_pays() {
     let (gray, colored) = (ball(|_| DVec3::splat(0.5)), ball(|at| 0.5 + 0.4 * at));
-    let Refined { rounds, kept, .. } = refined(&gray, &colored, 0.02);
+    let Refined { rounds, kept, .. } = refined(&gray, &colored, 0.01);
     let gains: Vec<f64> = rounds.iter().map(|round| round.gain_db.unwrap()).collect();
     assert!(gains.len() >= 3, "{gains:?}");
     assert!(gains[..gains.len() - 1].iter().all(|gain| *gain > 0.02), "{gains:?}");
@@ -84,7 +84,7 @@ fn refining_goes_on_while_it_pays() {
 #[test]
 fn no_group_of_shots_pays_for_others() {
     let [dark, gray, bright] = [0.05, 0.5, 0.55].map(|light| ball(move |_| DVec3::splat(light)));
-    let Refined { field: same, rounds, kept, .. } = refined_by(&gray, &[&bright], &[&bright, &dark], 0.04);
+    let Refined { field: same, rounds, kept, .. } = refined_by(&gray, &[&bright], &[&bright, &dark], 0.02);
     assert!(rounds[0].gain_db.unwrap() > 0.0, "{rounds:?}");
     assert!(rounds.iter().all(|round| round.group_psnr_db.len() == 2), "{rounds:?}");
     assert_eq!(kept, 0, "{rounds:?}");

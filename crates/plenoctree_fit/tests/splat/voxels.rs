@@ -64,7 +64,7 @@ fn psnrs<const N: usize>(field: &PlenOctree, splats: &Splats, backgrounds: [DVec
 /// Views of the field are like those of the capture, over any background, also where color depends on direction.
 #[test]
 fn fields_look_like_their_captures() {
-    for (degree, leaves) in [(0, 1_000_000), (1, 100_000), (1, 1_000_000), (3, 100_000)] {
+    for (degree, leaves) in [(0, 1_000_000), (1, 1_000_000), (3, 100_000)] {
         let splats = ball(degree);
         let field = voxelize(&splats, &VoxelSettings { depth: 7, leaves, ..Default::default() }).unwrap();
         let expected = [Basis::Sh1, Basis::Sh4, Basis::Sh9, Basis::Sh9][degree as usize];
@@ -82,7 +82,7 @@ fn opacities_are_kept() {
     let bounds = Some((DVec3::NEG_ONE, DVec3::ONE));
     for (scale, opacity, tolerance) in [(0.15, 0.3, 0.05), (0.15, 0.95, 0.05), (0.01, 0.8, 0.4), (0.002, 0.5, 0.55)] {
         let (mut sum, mut count) = (0.0, 0.0);
-        for index in 0..12 {
+        for index in 0..6 {
             let at = |step: f32| 0.1 * (step * index as f32).sin();
             let position = Vec3::new(at(1.1), at(2.3), at(3.7));
             let mut splats = Splats::new(0);
@@ -169,9 +169,9 @@ fn strange_captures_become_fields_or_errors() {
         round(3.0 * wall / wall.abs().max_element(), 0.08, 0.8)
     });
     for splats in [huge, point, room] {
-        let settings = VoxelSettings { depth: 8, leaves: 1_000_000, ..Default::default() };
+        let settings = VoxelSettings { depth: 7, leaves: 300_000, ..Default::default() };
         let field = voxelize(&splats, &settings).unwrap();
-        assert!(field.leaves() > 0 && field.depth() <= 8, "{} at {}", field.leaves(), field.depth());
+        assert!(field.leaves() > 0 && field.depth() <= 7, "{} at {}", field.leaves(), field.depth());
         let (low, high) = field.bounds().unwrap();
         let from = high + 2.0 * (high - low);
         let (_, opacity) = field.render_ray(from, (0.5 * (low + high) - from).normalize());
