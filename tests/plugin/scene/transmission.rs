@@ -15,7 +15,7 @@ use bevy::{
         view::ViewTarget,
     },
 };
-use bevy_plenoctree::PlenOctreeRenderSystems;
+use bevy_plenoctree::{PlenOctreeRenderSystems, headless::LitMeshPlugins};
 use glam::{DVec2, DVec3};
 
 use crate::stage::{
@@ -126,6 +126,7 @@ fn props_are_drawn_after_the_sky_and_before_other_main_passes() {
                 painting = painting.in_set(Core3dSystems::MainPass);
             }
             if follows_glass {
+                app.add_plugins(LitMeshPlugins);
                 painting = painting.after(main_transmissive_pass_3d);
             }
             // An order that somebody asks for takes precedence.
