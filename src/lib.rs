@@ -50,8 +50,8 @@
 //! | capture frames without a window, and click on props in tests | the module [`headless`] (feature `headless`) |
 //! | edit palettes in a window | the module [`panel`] (feature `egui`) |
 //!
-//! The crate [`plenoctree`] provides the types of fields and palettes. It also reads, writes, bakes and inspects fields
-//! without an engine.
+//! The crate [`plenoctree`], which is re-exported, provides the types of fields and palettes. It also reads, writes,
+//! bakes and inspects fields without an engine.
 //!
 //! [`CaptureLoader`]: https://docs.rs/bevy_plenoctree/latest/bevy_plenoctree/struct.CaptureLoader.html
 //! [`PackSaver`]: https://docs.rs/bevy_plenoctree/latest/bevy_plenoctree/struct.PackSaver.html
@@ -113,6 +113,7 @@ pub use palette::{
 #[cfg(feature = "picking")]
 pub use picking::PropPickingPlugin;
 pub use picking::{PropHit, PropRayCast};
+pub use plenoctree;
 #[cfg(feature = "pack")]
 pub use plenoctree::PackSettings;
 pub use plenoctree::{

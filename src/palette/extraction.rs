@@ -35,6 +35,7 @@ const MOST_RUNNING: usize = 4;
 
 /// The processor that samples the radiance of a field.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[reflect(Default, Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum PaletteSampler {
     /// Uses the GPU, or the CPU if the GPU is emulated in software, on the same CPU cores. This is the default.

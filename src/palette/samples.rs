@@ -16,6 +16,7 @@ pub struct ExtractionSamples {
 
 /// Where radiance samples were taken. [`Display`](fmt::Display) says it in words, such as "on the GPU".
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
+#[reflect(Clone, Debug, PartialEq, Hash)]
 #[type_path = "bevy_plenoctree"]
 pub enum SampleOrigin {
     /// In compute shaders, in the render world.
