@@ -240,7 +240,6 @@ fn without(color: Color, rays: u32) -> Color {
 }
 #endif
 
-#ifndef SEVERAL
 // Returns the pixel of an element of a batch, in the batch's square: that of the bit `index` of those that are set.
 fn listed(batch: u32, index: u32) -> vec2<u32> {
     var row = 0u;
@@ -263,7 +262,6 @@ fn listed(batch: u32, index: u32) -> vec2<u32> {
     }
     return vec2(column, row);
 }
-#endif
 
 #ifdef OF_OWNERS
 // Where the rays reach the prop, as `place_of` says. 0 if they do not.
@@ -272,22 +270,17 @@ struct Fragment {
 }
 
 @fragment
-fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(flat) instance: u32) -> Fragment {
+fn fragment(in: Varying) -> Fragment {
 #else
 @fragment
-fn fragment(@builtin(position) position: vec4<f32>, @location(0) @interpolate(flat) instance: u32) {
+fn fragment(in: Varying) {
 #endif
-    let index = instance;
-    let place = vec2<u32>(position.xy);
+    let index = in.prop;
+    let place = vec2<u32>(in.position.xy);
     let batch = batch_of(place);
-#ifdef SEVERAL
-    let listed_pixel = place;
-    let is_listed = ((edges[batch * BATCH + place.y % BATCH] >> (place.x % BATCH)) & 1u) > 0u;
-#else
     let element = index_in_batch(place % BATCH);
     let is_listed = element < counts[batch];
     let listed_pixel = place / BATCH * BATCH + listed(batch, select(0u, element, is_listed));
-#endif
     let pixel = vec2<i32>(listed_pixel);
     let center = vec2<f32>(pixel) + 0.5;
     let owners = textureLoad(outline, pixel, 0).xy;

@@ -3,9 +3,7 @@
 //!
 //! The *outline* pass finds the pixels at the edges of props, and the owners that may cover parts of them: from opacity
 //! where it says enough. It lists the others in batches. The *coverage* pass marches several rays through each of
-//! these: of a single prop side by side, because edges are thin, and graphics cards gain nothing by leaving out single
-//! pixels. Of several props, each draws the pixels of its own part of the view: it would visit those of all others that
-//! share a batch with it, of which small props have many.
+//! these, side by side: edges are thin, and graphics cards gain nothing by leaving out single pixels.
 
 use bevy::{prelude::*, render::render_resource::CompareFunction};
 
@@ -89,24 +87,18 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
     let (mut programs, mut draws, mut shapes) = (vec![], vec![], vec![]);
     for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| prop.smooths != Smooths::Nothing) {
         let program = index_of(&mut shapes, prop.kind.shape, || {
-            let program = Program { tree: Some(prop.kind.shape.into()), ..Program::new("coverage") };
-            let program = match plan.has_several_props {
-                false => Program { vertex: "batches", ..program },
-                true => program.define("AT_EDGES").depth_test(CompareFunction::Less, false),
-            };
+            let program = Program { tree: Some(prop.kind.shape.into()), vertex: "batches", ..Program::new("coverage") };
             let program = program.define_if(is_of_owners, "OF_OWNERS");
             let program = program.define_if(pixels == Pixels::OfOthers, "OF_OTHERS");
             let program = program.define_if(plan.has_several_props, "SEVERAL");
             let program = program.define_number("SAMPLES", Some(plan.samples));
             programs.push(program.define_all(field_definitions(prop.kind.shape)));
         });
-        let draw = Draw { field: Some(prop.field.clone()), instance: index as u32, ..Draw::triangle(program) };
         // A single prop writes all pixels at its edges, even where its rays do not meet its box.
         let all = URect { min: UVec2::ZERO, max: plan.rect.size };
-        draws.extend(match plan.has_several_props {
-            false => draw.of_batches(plan, all),
-            true => (!prop.rect.is_empty()).then_some(Draw { scissor: Some(prop.rect), ..draw }),
-        });
+        let rect = if plan.has_several_props { prop.rect } else { all };
+        let field = Some(prop.field.clone());
+        draws.extend(Draw { field, instance: index as u32, ..Draw::triangle(program) }.of_batches(plan, rect));
     }
     let place = if plan.composite_outlines() { Place::Posterize } else { Place::Layer };
     Pass {
@@ -115,7 +107,7 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         reads: vec![reads],
         stores: FOUND.into_iter().filter(|slot| !is_of_owners || *slot != Slot::OtherRays).collect(),
         writes: is_of_owners.then_some(PLACES).into_iter().collect(),
-        // Render passes need an attachment, also where they test nothing.
+        // Render passes need an attachment.
         depth: Some(Slot::EdgeMask),
         draws,
         ..Pass::fullscreen(COVERAGE, place, Some(CachedResult::Layer), programs)
