@@ -294,8 +294,13 @@ fn fragment(in: Varying) {
 #else
     let is_drawn = is_own || owners.y == index + 1u;
 #endif
-    if !is_listed || !is_drawn {
+    let is_needed = is_listed && is_drawn;
+    if !is_needed {
+#ifdef OF_OWNERS
         discard;
+#else
+        return;
+#endif
     }
 
     // What is seen at the center of the pixel, if that is another prop.
@@ -330,8 +335,9 @@ fn fragment(in: Varying) {
     let has_two_colors = is_own && owners.y == 0u;
     var hidden = 0u;
     var before = 0u;
-    let rays = view.edge_rays;
-    let share = 1.0 / f32(rays);
+    // Some rasterizers march for discarded pixels, too: those of other props, and those beyond the end of the batch.
+    let rays = select(0u, view.edge_rays, is_needed);
+    let share = 1.0 / f32(view.edge_rays);
 #ifdef OF_OWNERS
     var places = vec4(0u);
 #endif
