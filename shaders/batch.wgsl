@@ -6,7 +6,7 @@
 // their own, so that pixels which are marched together all have a ray. So are the pixels at edges that need rays.
 #define_import_path bevy_plenoctree::batch
 
-#import bevy_plenoctree::view::view
+#import bevy_plenoctree::view::{props, view}
 
 // Pixels per ray of the grid, along each axis. Matches `SPACING` of the plan.
 const SPACING: u32 = 2u;
@@ -33,15 +33,22 @@ fn ray_around(gap: vec2<u32>, index: u32) -> vec2<u32> {
     return min(gap + vec2(index & 1u, index >> 1u), rays - 1u);
 }
 
+// Returns the list of a prop's pixels at edges: props of a field share one. `part` is 1 for pixels that a prop owns where
+// another one may be before it, and 0 for all others.
+fn list_of(prop: u32, part: u32) -> u32 {
+    return part * view.edge_lists + props[prop].field % view.edge_lists;
+}
+
 // Returns the numbers of batches along each axis.
 fn batches() -> vec2<u32> {
     return (view.size + BATCH - 1u) / BATCH;
 }
 
-// Returns the batch of a pixel.
-fn batch_of(pixel: vec2<u32>) -> u32 {
+// Returns the batch of a pixel in a list. Gaps have one list.
+fn batch_of(pixel: vec2<u32>, list: u32) -> u32 {
+    let all = batches();
     let square = pixel / BATCH;
-    return square.y * batches().x + square.x;
+    return (list * all.y + square.y) * all.x + square.x;
 }
 
 // Returns the pixel within the square of a batch in which the element `index` of the batch is drawn. Eight elements are
@@ -60,14 +67,4 @@ fn index_in_batch(place: vec2<u32>) -> u32 {
 // Returns the number of rows of pixels in which `count` elements are drawn.
 fn rows_of_batch(count: u32) -> u32 {
     return min(2u * ((count + 63u) / 64u), BATCH);
-}
-
-// Packs the place of a gap in the square of its batch.
-fn pack_gap(place: vec2<u32>) -> u32 {
-    return place.x | (place.y << 4u);
-}
-
-// Returns what `pack_gap` packed.
-fn unpack_gap(word: u32) -> vec2<u32> {
-    return vec2(word & 15u, word >> 4u);
 }

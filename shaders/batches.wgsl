@@ -1,6 +1,6 @@
 // Two triangles over the pixels of each batch, for the passes that march rays for them.
 
-#import bevy_plenoctree::batch::{BATCH, PIXELS_OF_GAP, batches, counts, rows_of_batch}
+#import bevy_plenoctree::batch::{BATCH, PIXELS_OF_GAP, batch_of, batches, counts, list_of, rows_of_batch}
 #import bevy_plenoctree::prop_ray::Varying
 #import bevy_plenoctree::view::{NOWHERE, first_drawn}
 
@@ -11,13 +11,17 @@ const CORNERS = array<u32, 6>(0u, 1u, 2u, 2u, 1u, 3u);
 @vertex
 fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Varying {
     let prop = instance & 0xffffu;
-    let batch = index / 6u;
-    let count = counts[batch];
+    let all = batches();
+    let square = vec2(index / 6u % all.x, index / 6u / all.x);
+#ifdef BATCHED
+    let list = 0u;
+#else
+    let list = list_of(prop, #{PART}u);
+#endif
+    let count = counts[batch_of(BATCH * square, list)];
     if first_drawn > 0u || count == 0u {
         return Varying(NOWHERE, prop, 0u);
     }
-    let all = batches();
-    let square = vec2(batch % all.x, batch / all.x);
     var corners = CORNERS;
     let corner = vec2(corners[index % 6u] & 1u, corners[index % 6u] >> 1u);
 #ifdef BATCHED

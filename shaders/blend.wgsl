@@ -3,21 +3,16 @@
 #import bevy_plenoctree::color::{decode, encode, tinted}
 #import bevy_plenoctree::edge::{FAINTEST, RAYS, bits_of, neighbor, parts_of, word_at}
 #import bevy_plenoctree::filter_texel::unpack
-#import bevy_plenoctree::ink::{ink_at, inked, surface_at}
+#import bevy_plenoctree::ink::{depth, ink_at, inked, labels, surface_at}
 #import bevy_plenoctree::labels::{are_tones, assign, place_of_color, shown_opacity}
 #import bevy_plenoctree::recolor::recolored_in_tint
 #import bevy_plenoctree::shade::shade_of_owner
 #import bevy_plenoctree::target::from_target
 #import bevy_plenoctree::view::{haze_prop, is_drawn, is_solid, labelings, props, share_before, view}
 
-// The results of the label pass.
+// The results of the label pass. See `ink.wgsl`, too.
 @group(1) @binding(0) var shown: texture_2d<f32>;
-#ifdef INK
-@group(1) @binding(4) var labels: texture_2d<u32>;
-#endif
 @group(1) @binding(1) var filtered: texture_2d<u32>;
-// The depth of the props.
-@group(1) @binding(2) var depth: texture_depth_2d;
 // The target, before the result is written to it.
 @group(1) @binding(3) var scene: texture_2d<f32>;
 // The results of the outline pass and of the coverage pass. See `coverage.wgsl`.
@@ -200,9 +195,9 @@ fn ink_of(pixel: vec2<u32>, owner: u32) -> f32 {
 #ifdef INK
     if owner > 0u {
         let at = pixel_of(pixel, owner);
-        var center = surface_at(labels, depth, at);
+        var center = surface_at(at);
         center.owner = select(0u, owner, center.owner == owner);
-        return ink_at(labels, depth, vec2<i32>(pixel), center, textureLoad(shown, at, 0).a >= 1.0);
+        return ink_at(vec2<i32>(pixel), center, textureLoad(shown, at, 0).a >= 1.0);
     }
 #endif
     return 0.0;
@@ -212,11 +207,11 @@ fn ink_of(pixel: vec2<u32>, owner: u32) -> f32 {
 // Returns the pixel that shows what a pixel at an edge sees of one of its owners: itself or the neighbor that sees what is
 // nearest of it.
 fn pixel_of(pixel: vec2<u32>, owner: u32) -> vec2<i32> {
-    var nearest = surface_at(labels, depth, vec2<i32>(pixel));
+    var nearest = surface_at(vec2<i32>(pixel));
     var found = vec2<i32>(pixel);
     for (var i = 0; i < 8; i++) {
         let at = clamp(neighbor(vec2<i32>(pixel), i), vec2(0), vec2<i32>(view.size) - 1);
-        let there = surface_at(labels, depth, at);
+        let there = surface_at(at);
         if there.owner == owner && (nearest.owner != owner || there.distance < nearest.distance) {
             nearest = there;
             found = at;

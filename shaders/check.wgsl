@@ -2,14 +2,14 @@
 // their own: the gap joins its batch.
 
 #import bevy_plenoctree::batch::{
-    AGREES, EMPTY, GAPS_ACROSS, MOST_GAPS, SPACING, batch_of, pack_gap, ray_around,
+    AGREES, EMPTY, GAPS_ACROSS, MOST_GAPS, SPACING, batch_of, ray_around,
 }
 #import bevy_plenoctree::view::{is_solid, scene_depth_at, unpack_owner, view}
 
 @group(1) @binding(0) var layer: texture_2d<f32>;
 @group(1) @binding(1) var owner: texture_2d<f32>;
 @group(1) @binding(2) var depth: texture_depth_2d;
-// The number of gaps in every batch, and the gaps, as packed by `pack_gap`.
+// The number of gaps in every batch, and the gaps, as places in the squares of their batches.
 @group(2) @binding(0) var<storage, read_write> counts: array<atomic<u32>>;
 @group(2) @binding(1) var<storage, read_write> gaps: array<u32>;
 
@@ -60,9 +60,9 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
         || scene_depths.y - scene_depths.x > SAME_SURFACE * scene_depths.y;
     var found = select(AGREES, EMPTY, is_empty);
     if needs_rays {
-        let batch = batch_of(gap * SPACING);
+        let batch = batch_of(gap * SPACING, 0u);
         let index = atomicAdd(&counts[batch], 1u);
-        gaps[batch * MOST_GAPS + index] = pack_gap(gap % GAPS_ACROSS);
+        gaps[batch * MOST_GAPS + index] = gap.x % GAPS_ACROSS + gap.y % GAPS_ACROSS * GAPS_ACROSS;
         found = index + 1u;
     }
     return found;

@@ -31,7 +31,11 @@ fn tinted(encoded: vec3<f32>, tint: vec3<f32>) -> vec3<f32> {
     return encode(decode(encoded) * tint);
 }
 
-// Converts encoded sRGB to CIELAB under D65.
+// The same for a color that is premultiplied by opacity.
+fn premultiplied_tinted(color: vec4<f32>, tint: vec3<f32>) -> vec4<f32> {
+    return vec4(color.a * tinted(color.rgb / max(color.a, 1e-6), tint), color.a);
+}
+
 fn cielab(encoded: vec3<f32>) -> vec3<f32> {
     let linear = decode(encoded);
     // Each row is divided by its sum, the white point.
@@ -47,7 +51,6 @@ fn cielab(encoded: vec3<f32>) -> vec3<f32> {
     return vec3(116.0 * f.y - 16.0, 500.0 * (f.x - f.y), 200.0 * (f.y - f.z));
 }
 
-// Converts encoded sRGB to Oklab.
 fn oklab(encoded: vec3<f32>) -> vec3<f32> {
     return linear_rgb_to_oklab(max(decode(encoded), vec3(0.0)));
 }

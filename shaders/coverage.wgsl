@@ -1,8 +1,8 @@
 // The coverage pass: marches several rays through each pixel at the edge of a posterized prop where opacity does not show
 // enough, to find which part of the pixel the prop covers, and its color there.
 
-#import bevy_plenoctree::batch::{BATCH, batch_of, counts, index_in_batch}
-#import bevy_plenoctree::color::{tinted, to_half}
+#import bevy_plenoctree::batch::{BATCH, batch_of, counts, index_in_batch, list_of}
+#import bevy_plenoctree::color::{premultiplied_tinted, to_half}
 #import bevy_plenoctree::edge::{
     FAINTEST, RAYS, neighbor, offset_of_four, ray_offset, rays_of, sample_of, thinned, word_at, word_of,
 }
@@ -20,7 +20,7 @@
 @group(2) @binding(1) var owner: texture_2d<f32>;
 @group(2) @binding(2) var depth: texture_depth_2d;
 #ifdef OF_OTHERS
-// Where the rays reach the owner of the pixel, in the order of batches. See `packed`.
+// Where the rays reach the owner of the pixel, as `place_of` says, and 0 for those that do not: eight half floats.
 @group(2) @binding(3) var own_places: texture_2d<u32>;
 #endif
 // The bits of a pixel's rays, one per ray, in four bytes.
@@ -29,15 +29,13 @@
 // b: those that the other owner covers, or would cover if the owner of the pixel did not. If there is no other
 // owner, those that see the second color.
 // a: the samples of the scene, one bit per sample, where something else is in front of the prop.
-#ifdef SEVERAL
-@group(3) @binding(0) var<storage, read_write> coverage: array<atomic<u32>>;
-#else
 @group(3) @binding(0) var<storage, read_write> coverage: array<u32>;
-#endif
 // What the rays in r and in b see, as in `Color`. 0 if there were no rays: see `estimate` of `edge_owners.wgsl`. If the
 // pixel has no owner, `own_rays` is the result of `thinned`.
 @group(3) @binding(1) var own_rays: texture_storage_2d<rgba16float, write>;
-#ifndef OF_OWNERS
+#ifdef OF_OWNERS
+@group(3) @binding(2) var own_places: texture_storage_2d<rgba32uint, write>;
+#else
 @group(3) @binding(2) var other_rays: texture_storage_2d<rgba16float, write>;
 #endif
 
@@ -48,11 +46,6 @@ struct Look {
     distance: f32,
     // Encoded sRGB premultiplied by opacity, and opacity.
     color: vec4<f32>,
-}
-
-// Returns a color that is premultiplied by opacity in a tint.
-fn in_tint(color: vec4<f32>, tint: vec3<f32>) -> vec4<f32> {
-    return vec4(color.a * tinted(color.rgb / max(color.a, 1e-6), tint), color.a);
 }
 
 // Marches through a point of the view as the volume pass does, but stops earlier. Begins at `begins` or at the box, and
@@ -263,45 +256,32 @@ fn listed(batch: u32, index: u32) -> vec2<u32> {
     return vec2(column, row);
 }
 
-#ifdef OF_OWNERS
-// Where the rays reach the prop, as `place_of` says. 0 if they do not.
-struct Fragment {
-    @location(0) places: vec4<u32>,
-}
-
-@fragment
-fn fragment(in: Varying) -> Fragment {
-#else
 @fragment
 fn fragment(in: Varying) {
-#endif
-    let index = in.prop;
     let place = vec2<u32>(in.position.xy);
-    let batch = batch_of(place);
+    let batch = batch_of(place, list_of(in.prop, #{PART}u));
     let element = index_in_batch(place % BATCH);
-    let is_listed = element < counts[batch];
-    let listed_pixel = place / BATCH * BATCH + listed(batch, select(0u, element, is_listed));
-    let pixel = vec2<i32>(listed_pixel);
-    let center = vec2<f32>(pixel) + 0.5;
-    let owners = textureLoad(outline, pixel, 0).xy;
-    let is_own = owners.x == index + 1u;
-#ifdef OF_OWNERS
-    let is_drawn = is_own && owners.y > 0u;
-#else ifdef OF_OTHERS
-    let is_drawn = select(owners.y == index + 1u, owners.y == 0u, is_own);
-    let places = textureLoad(own_places, place, 0);
-    let has_places = owners.x > 0u;
-#else
-    let is_drawn = is_own || owners.y == index + 1u;
-#endif
-    let is_needed = is_listed && is_drawn;
-    if !is_needed {
-#ifdef OF_OWNERS
-        discard;
-#else
+    if element >= counts[batch] {
         return;
-#endif
     }
+    let listed_pixel = place / BATCH * BATCH + listed(batch, element);
+    let pixel = vec2<i32>(listed_pixel);
+    let owners = textureLoad(outline, pixel, 0).xy;
+#ifdef OF_OWNERS
+    let is_own = true;
+#else
+    let is_own = owners.y == 0u;
+#endif
+    let index = select(owners.y, owners.x, is_own) - 1u;
+    // Several fields may share a list.
+    if props[index].field != props[in.prop].field {
+        return;
+    }
+    let center = vec2<f32>(pixel) + 0.5;
+#ifdef OF_OTHERS
+    let places = textureLoad(own_places, pixel, 0);
+    let has_places = all(owners > vec2(0u));
+#endif
 
     // What is seen at the center of the pixel, if that is another prop.
     let own = owner_of(textureLoad(owner, pixel, 0));
@@ -335,16 +315,14 @@ fn fragment(in: Varying) {
     let has_two_colors = is_own && owners.y == 0u;
     var hidden = 0u;
     var before = 0u;
-    // Some rasterizers march for discarded pixels, too: those of other props, and those beyond the end of the batch.
-    let rays = select(0u, view.edge_rays, is_needed);
     let share = 1.0 / f32(view.edge_rays);
 #ifdef OF_OWNERS
     var places = vec4(0u);
 #endif
-    for (var ray = 0u; ray < rays; ray++) {
+    for (var ray = 0u; ray < view.edge_rays; ray++) {
         var bits = 1u << ray;
         var offset = ray_offset(ray);
-        if rays < RAYS {
+        if view.edge_rays < RAYS {
             // Each of four rays counts as two.
             bits = 3u << (2u * ray);
             offset = offset_of_four(ray);
@@ -411,14 +389,15 @@ fn fragment(in: Varying) {
             let others = RAYS - countOneBits(covered | hidden);
             if !middle.is_covered && others > 0u && !hides {
                 // As the layer shows it.
-                let rays = in_tint(thin * f32(RAYS) / f32(others), prop.tint);
-                own_color = thinned(in_tint(middle.color, prop.tint), rays);
+                let rays = premultiplied_tinted(thin * f32(RAYS) / f32(others), prop.tint);
+                own_color = thinned(premultiplied_tinted(middle.color, prop.tint), rays);
             }
         }
     }
     let at = word_at(listed_pixel, view.size.x);
-#ifdef SEVERAL
-    atomicOr(&coverage[at], word_of(bits));
+#ifdef OF_OTHERS
+    // What the owner covers is known.
+    coverage[at] = word_of(bits) | select(0u, coverage[at], has_places);
 #else
     coverage[at] = word_of(bits);
 #endif
@@ -426,10 +405,8 @@ fn fragment(in: Varying) {
         textureStore(own_rays, pixel, to_half(own_color));
     }
 #ifdef OF_OWNERS
-    return Fragment(places);
+    textureStore(own_places, pixel, places);
 #else
-    if !is_own || owners.y == 0u {
-        textureStore(other_rays, pixel, to_half(select(first.sum, second.sum, is_own)));
-    }
+    textureStore(other_rays, pixel, to_half(select(first.sum, second.sum, is_own)));
 #endif
 }

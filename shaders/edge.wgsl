@@ -63,12 +63,10 @@ fn bits_of(owners: vec2<u32>, word: u32) -> vec4<u32> {
     return select(vec4(0u), (vec4(word) >> vec4(0u, 8u, 16u, 24u)) & vec4(255u), any(owners > vec2(0u)));
 }
 
-// Returns the word that holds these bits.
 fn word_of(bits: vec4<u32>) -> u32 {
     return bits.r | (bits.g << 8u) | (bits.b << 16u) | (bits.a << 24u);
 }
 
-// Returns where the word of a pixel is.
 fn word_at(pixel: vec2<u32>, width: u32) -> u32 {
     return pixel.y * width + pixel.x;
 }

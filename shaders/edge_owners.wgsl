@@ -2,7 +2,7 @@
 // rays for the coverage pass.
 #define_import_path bevy_plenoctree::edge_owners
 
-#import bevy_plenoctree::batch::{BATCH, batch_of}
+#import bevy_plenoctree::batch::{BATCH, batch_of, list_of}
 #import bevy_plenoctree::color::to_half
 #import bevy_plenoctree::edge::{
     MASK_OF_EDGES, MASK_OF_PROPS, RAYS, neighbor, ray_offset, sample_of, thinned, word_at, word_of,
@@ -15,7 +15,7 @@
 @group(2) @binding(0) var<storage, read_write> coverage: array<u32>;
 @group(2) @binding(1) var own_rays: texture_storage_2d<rgba16float, write>;
 @group(2) @binding(2) var other_rays: texture_storage_2d<rgba16float, write>;
-// The number of pixels in every batch, and which they are.
+// The number of pixels in every batch of every list, and which they are.
 @group(2) @binding(3) var<storage, read_write> counts: array<atomic<u32>>;
 @group(2) @binding(4) var<storage, read_write> edges: array<atomic<u32>>;
 
@@ -114,23 +114,21 @@ fn edge_at(
         }
 #endif
         if needs_rays {
-            list(vec2<u32>(pixel));
+            let last = select(owners.x, owners.y, owners.y > 0u);
+            list(vec2<u32>(pixel), last - 1u, 0u);
+            if all(owners > vec2(0u)) {
+                list(vec2<u32>(pixel), owners.x - 1u, 1u);
+            }
         }
     }
     return found;
 }
 
-// Adds a pixel to its batch.
-fn list(pixel: vec2<u32>) {
-    let batch = batch_of(pixel);
+// Adds a pixel to a list of a prop: to a batch of it.
+fn list(pixel: vec2<u32>, prop: u32, part: u32) {
+    let batch = batch_of(pixel, list_of(prop, part));
     atomicAdd(&counts[batch], 1u);
     atomicOr(&edges[batch * BATCH + pixel.y % BATCH], 1u << (pixel.x % BATCH));
-#ifdef SEVERAL
-    // The coverage pass writes what it finds of each prop by itself.
-    coverage[word_at(pixel, view.size.x)] = 0u;
-    textureStore(own_rays, pixel, vec4(0.0));
-    textureStore(other_rays, pixel, vec4(0.0));
-#endif
 }
 
 #ifdef ESTIMATES

@@ -7,19 +7,15 @@
 
 #import bevy_plenoctree::color::{decode, encode, tinted}
 #import bevy_plenoctree::filter_texel::unpack
-#import bevy_plenoctree::ink::{ink_at, inked, surface_at}
+#import bevy_plenoctree::ink::{ink_at, inked, labels, surface_at}
 #import bevy_plenoctree::labels::{MOVED, RAMPS, label_at, place_of, placed, ramp_of, shown_at}
 #import bevy_plenoctree::shade::{Light, shade_of_owner}
 #import bevy_plenoctree::target::over_scene
 #import bevy_plenoctree::view::{labelings, props, screen, view}
 
-// The results of the label pass.
+// The results of the label pass. See `ink.wgsl`, too.
 @group(1) @binding(0) var shown: texture_2d<f32>;
-@group(1) @binding(4) var labels: texture_2d<u32>;
 @group(1) @binding(1) var filtered: texture_2d<u32>;
-#ifdef INK
-@group(1) @binding(2) var depth: texture_depth_2d;
-#endif
 // The target, before the result is written to it.
 @group(1) @binding(3) var scene: texture_2d<f32>;
 
@@ -63,16 +59,6 @@ fn beyond(value: f32, gradient: vec2<f32>) -> f32 {
     let rest = max(0.5 * (steep + flat) - value, 0.0);
     let corner = rest * rest / max(2.0 * steep * flat, 1e-30);
     return clamp(select(corner, across, 2.0 * value <= steep - flat), 0.0, 0.5);
-}
-
-// Returns the distances from a place to the first four of others.
-fn distances(place: vec3<f32>, places: array<vec3<f32>, 5>) -> vec4<f32> {
-    return vec4(
-        distance(place, places[0]),
-        distance(place, places[1]),
-        distance(place, places[2]),
-        distance(place, places[3]),
-    );
 }
 
 // Returns the color of a pixel at a border, in encoded sRGB. `own` is its texel of `labels`, and `light` the light
@@ -136,7 +122,9 @@ fn bordered(pixel: vec2<i32>, own: vec2<u32>, prop: u32, light: Light) -> vec3<f
     var is_seam = vec4(false);
     var apart: array<vec4<f32>, 5>;
     for (var i = 0u; i < select(0u, 5u, count > 2u || farther != NO_LABEL); i++) {
-        apart[i] = distances(places[i], places);
+        for (var k = 0u; k < 4u; k++) {
+            apart[i][k] = distance(places[i], places[k]);
+        }
         for (var k = 0u; k < i; k++) {
             let direct = apart[i][k];
             let longest = min(DETOUR * direct, sqrt(direct * direct + 4.0 * ASIDE * ASIDE));
@@ -210,8 +198,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         color = over_scene(color, opacity, scene, pixel + view.corner);
     }
 #ifdef INK
-    let center = surface_at(labels, depth, vec2<i32>(pixel));
-    let part = ink_at(labels, depth, vec2<i32>(pixel), center, seen.a >= 1.0);
+    let center = surface_at(vec2<i32>(pixel));
+    let part = ink_at(vec2<i32>(pixel), center, seen.a >= 1.0);
     if part > 0.0 {
         color = encode(inked(prop, props[prop].tint, decode(color), part));
     }

@@ -4,13 +4,8 @@
 #ifdef TONEMAPPED
 #import bevy_core_pipeline::tonemapping::tone_mapping
 #endif
-#import bevy_pbr::fog::{atmospheric_fog, exponential_fog, exponential_squared_fog, linear_fog}
-#import bevy_pbr::mesh_view_bindings::{fog, lights, view}
-#import bevy_pbr::mesh_view_types::{
-    DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT, FOG_MODE_ATMOSPHERIC, FOG_MODE_EXPONENTIAL,
-    FOG_MODE_EXPONENTIAL_SQUARED, FOG_MODE_LINEAR,
-}
-#import bevy_pbr::shadows::fetch_directional_shadow
+#import bevy_pbr::mesh_view_bindings::{fog, view}
+#import bevy_pbr::pbr_functions::apply_fog
 #import bevy_plenoctree::color::{decode, encode, to_half}
 #import bevy_plenoctree::edge::{bits_of, parts_of, word_at}
 #import bevy_plenoctree::target::light_of
@@ -44,45 +39,6 @@ fn depth_near(pixel: vec2<i32>) -> f32 {
     return select(unpack_haze(found, drawn.props), found, is_solid(found));
 }
 
-// Returns the light of the sun and other directional lights that fog scatters toward the camera.
-fn scattered(point: vec3<f32>, toward: vec3<f32>, at: vec2<f32>) -> vec3<f32> {
-    var sum = vec3(0.0);
-    if fog.directional_light_color.a <= 0.0 {
-        return sum;
-    }
-    let view_z = (view.view_from_world * vec4(point, 1.0)).z;
-    for (var id = 0u; id < lights.n_directional_lights; id++) {
-        let light = &lights.directional_lights[id];
-        let along = max(dot(toward, (*light).direction_to_light), 0.0);
-        var share = 1.0;
-        if ((*light).flags & DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) != 0u {
-            share = fetch_directional_shadow(id, vec4(point, 1.0), -toward, view_z, at);
-        }
-        sum += share * pow(along, fog.directional_light_exponent) * (*light).color.rgb * view.exposure;
-    }
-    return sum;
-}
-
-fn fogged(light: vec4<f32>, distance: f32, scattering: vec3<f32>) -> vec3<f32> {
-    switch fog.mode {
-        case FOG_MODE_LINEAR: {
-            return linear_fog(fog, light, distance, scattering).rgb;
-        }
-        case FOG_MODE_EXPONENTIAL: {
-            return exponential_fog(fog, light, distance, scattering).rgb;
-        }
-        case FOG_MODE_EXPONENTIAL_SQUARED: {
-            return exponential_squared_fog(fog, light, distance, scattering).rgb;
-        }
-        case FOG_MODE_ATMOSPHERIC: {
-            return atmospheric_fog(fog, light, distance, scattering).rgb;
-        }
-        default: {
-            return light.rgb;
-        }
-    }
-}
-
 // Fog is linear in what it is in front of: it adds some light, and lets a share of the rest through.
 struct Veil {
     added: vec3<f32>,
@@ -94,11 +50,12 @@ fn veil_at(depth: f32, at: vec2<f32>) -> Veil {
     let ndc = (2.0 * (at - view.main_pass_viewport.xy) / view.main_pass_viewport.zw - 1.0) * vec2(1.0, -1.0);
     let world = view.world_from_clip * vec4(ndc, depth, 1.0);
     let point = world.xyz / world.w;
-    let away = point - view.world_position;
-    let distance = length(away);
-    let scattering = scattered(point, away / max(distance, 1e-30), at);
-    let added = fogged(vec4(0.0), distance, scattering);
-    return Veil(added, fogged(vec4(1.0), distance, scattering) - added);
+    let eye = view.world_position;
+    // Light that fog scatters is added, and lets nothing through.
+    var dark = fog;
+    dark.directional_light_color.a = 0.0;
+    let through = apply_fog(dark, vec4(1.0), point, eye, at) - apply_fog(dark, vec4(0.0), point, eye, at);
+    return Veil(apply_fog(fog, vec4(0.0), point, eye, at).rgb, through.rgb);
 }
 
 #ifdef TONEMAPPED

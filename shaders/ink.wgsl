@@ -7,6 +7,10 @@
 #import bevy_plenoctree::labels::{RAMPS, ramp_of}
 #import bevy_plenoctree::view::{colors, distance_from_depth, is_solid, labelings, props, scene_depth_at, view}
 
+@group(1) @binding(2) var depth: texture_depth_2d;
+// The result of the label pass.
+@group(1) @binding(4) var labels: texture_2d<u32>;
+
 const INK_SILHOUETTE: u32 = 1u;
 const INK_CREASES: u32 = 2u;
 // Lines between ramps, between all labels, or between the ramps of pairs.
@@ -24,8 +28,8 @@ struct Surface {
     has_depth: bool,
 }
 
-// Returns what a pixel sees. `labels` is the result of the label pass.
-fn surface_at(labels: texture_2d<u32>, depth: texture_depth_2d, pixel: vec2<i32>) -> Surface {
+// Returns what a pixel sees.
+fn surface_at(pixel: vec2<i32>) -> Surface {
     let at = clamp(pixel, vec2(0), vec2<i32>(view.size) - 1);
     let texel = textureLoad(labels, at, 0).xy;
     let solid = textureLoad(depth, at, 0);
@@ -103,13 +107,7 @@ const LEAST_RADIUS: f32 = 2.35;
 
 // Returns the part of a pixel that lines cover. `center` is what it sees of a prop, or would, and `is_opaque` says whether
 // nothing shows through that.
-fn ink_at(
-    labels: texture_2d<u32>,
-    depth: texture_depth_2d,
-    pixel: vec2<i32>,
-    center: Surface,
-    is_opaque: bool,
-) -> f32 {
+fn ink_at(pixel: vec2<i32>, center: Surface, is_opaque: bool) -> f32 {
     if center.owner == 0u || labelings[center.owner - 1u].ink.lines == 0u {
         return 0.0;
     }
@@ -130,8 +128,8 @@ fn ink_at(
         let away = radius * sqrt((f32(PAIRS - i) - 0.5) / f32(PAIRS));
         let angle = TURN * f32(i);
         let offset = vec2<i32>(round(away * vec2(cos(angle), sin(angle))));
-        let first = surface_at(labels, depth, pixel + offset);
-        let second = surface_at(labels, depth, pixel - offset);
+        let first = surface_at(pixel + offset);
+        let second = surface_at(pixel - offset);
         let there = beyond(center, is_opaque, first, second);
         let opposite = beyond(center, is_opaque, second, first);
         let is_seam = there.border * opposite.border > 0.0 && is_border(center.owner - 1u, first.label, second.label);

@@ -1,7 +1,7 @@
 // The label pass: assigns labels where pixels are posterized, and shows the composite elsewhere. See section 4 of the
 // method, steps 1 and 3 to 5.
 
-#import bevy_plenoctree::color::{tinted, to_half}
+#import bevy_plenoctree::color::{premultiplied_tinted, tinted, to_half}
 #import bevy_plenoctree::filter_texel::unpack
 #import bevy_plenoctree::labels::{MOVED, Shown, assign, label_at, place_of, placed, shown_at, shown_opacity}
 #import bevy_plenoctree::recolor::recolored_in_tint
@@ -136,7 +136,7 @@ fn as_trained(pixel: vec2<u32>, over: vec4<f32>, composite: vec3<f32>) -> Seen {
     let trained = lit_prop(pixel);
     if trained > 0u && over.a > 0.0 {
         // What shows through the prop keeps its light.
-        color += over.a * tinted(over.rgb / over.a, smooth_shade_of(pixel, trained - 1u)) - over.rgb;
+        color += premultiplied_tinted(over, smooth_shade_of(pixel, trained - 1u)).rgb - over.rgb;
     }
 #endif
     return Seen(color, over.a, select(0u, 1u, over.a > 0.0), 0u);

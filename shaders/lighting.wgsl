@@ -141,11 +141,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let center = center_at(vec2<i32>(position.xy));
     let prop = center.prop;
     let at = position.xy + vec2<f32>(drawn.corner);
-    let ndc = (2.0 * (at - view.main_pass_viewport.xy) / view.main_pass_viewport.zw - 1.0) * vec2(1.0, -1.0);
-    let world = view.world_from_clip * vec4(ndc, center.depth, 1.0);
-    let point = world.xyz / world.w;
-    let view_z = (view.view_from_world * vec4(point, 1.0)).z;
-    let surface = Surface(prop, point, view_z, at);
+    let point = (view.world_from_view * vec4(center.point, 1.0)).xyz;
+    let surface = Surface(prop, point, center.point.z, at);
 
     var all_light = vec3(0.0);
     var arrives = vec3(0.0);
@@ -168,7 +165,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         }
     }
 #ifdef LAMPS
-    let cluster = view_fragment_cluster_index(surface.at, view_z, view.clip_from_view[3].w == 1.0);
+    let cluster = view_fragment_cluster_index(surface.at, center.point.z, view.clip_from_view[3].w == 1.0);
     let ranges = unpack_clusterable_object_index_ranges(cluster);
     for (var i = ranges.first_point_light_index_offset; i < ranges.first_reflection_probe_index_offset; i++) {
         let id = get_clusterable_object_id(i);

@@ -2,7 +2,7 @@
 #define_import_path bevy_plenoctree::prop_ray
 
 #import bevy_plenoctree::batch::{
-    BATCH, GAPS_ACROSS, MOST_GAPS, PIXELS_OF_GAP, SPACING, batch_of, counts, index_in_batch, unpack_gap,
+    BATCH, GAPS_ACROSS, MOST_GAPS, PIXELS_OF_GAP, SPACING, batch_of, counts, index_in_batch,
 }
 #import bevy_plenoctree::octree::{Crossing, Ray, begin, clip, density, field, has_ended, make_ray, next_leaf}
 #import bevy_plenoctree::view::{Prop, distance_from_depth, props, scene_depth_at, solid_depth, view}
@@ -36,11 +36,12 @@ fn prop_ray(in: Varying) -> PropRay {
     var pixel = vec2<u32>(in.position.xy) * view.spacing;
 #ifdef BATCHED
     let place = vec2<u32>(in.position.xy);
-    let batch = batch_of(place);
+    let batch = batch_of(place, 0u);
     let index = index_in_batch(place % BATCH);
     let element = index / PIXELS_OF_GAP;
     let is_listed = element < counts[batch];
-    let gap = unpack_gap(gaps[batch * MOST_GAPS + select(0u, element, is_listed)]);
+    let word = gaps[batch * MOST_GAPS + select(0u, element, is_listed)];
+    let gap = vec2(word % GAPS_ACROSS, word / GAPS_ACROSS);
     // The first pixel is the ray of the grid.
     let pixel_of_gap = index % PIXELS_OF_GAP + 1u;
     let beyond = vec2(pixel_of_gap % SPACING, pixel_of_gap / SPACING);

@@ -30,6 +30,8 @@ struct Prop {
     smooths: u32,
     // Transforms a point of the prop from clip space to where it was in the previous frame, in that of the viewport.
     previous_from_clip: mat4x4<f32>,
+    // The number of its field and level, among those of props with smooth edges.
+    field: u32,
 }
 
 // Which edges of a posterized prop are smooth: none, its silhouette, or the edges of slits too.
@@ -58,6 +60,8 @@ struct View {
     depth_range: vec2<f32>,
     // The number of `props`.
     props: u32,
+    // The number of lists of pixels at edges. See `list_of` of `batch.wgsl`.
+    edge_lists: u32,
 }
 
 // How colors are shown.

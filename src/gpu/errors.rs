@@ -4,7 +4,10 @@ use std::time::Duration;
 
 use bevy::{
     platform::time::Instant,
-    render::renderer::RenderDevice,
+    render::{
+        render_resource::{Buffer, BufferDescriptor, BufferUsages},
+        renderer::RenderDevice,
+    },
     tasks::{AsyncComputeTaskPool, Task, block_on, poll_once},
 };
 
@@ -76,6 +79,21 @@ impl Allocator {
         self.try_again();
         let created = self.errors.watch(device, create);
         self.error().is_none().then_some(created)
+    }
+
+    /// Returns a buffer, or `None` if there is no memory for it or if the device cannot bind as much.
+    pub fn buffer(
+        &mut self,
+        device: &RenderDevice,
+        label: &'static str,
+        size: u64,
+        usage: BufferUsages,
+    ) -> Option<Buffer> {
+        if usage.contains(BufferUsages::STORAGE) && size > device.limits().max_storage_buffer_binding_size {
+            return None;
+        }
+        let descriptor = BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
+        self.create(device, || device.create_buffer(&descriptor))
     }
 
     /// Returns the driver's message if the last attempt failed.

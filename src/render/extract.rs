@@ -42,7 +42,6 @@ pub(super) struct ExtractedProps {
 }
 
 pub(super) struct ExtractedProp {
-    /// Its entity in the main world.
     pub entity: Entity,
     pub field: AssetId<PlenOctree>,
     pub pose: Pose,
@@ -57,12 +56,10 @@ pub(super) struct ExtractedProp {
     pub ink: Option<ExtractedInk>,
     /// The index of the prop with its earlier field, which is drawn until this one is on the GPU.
     pub stand_in: Option<usize>,
-    /// How the scene's lights fall on it.
     pub lighting: Option<PropLighting>,
 }
 
 impl ExtractedProp {
-    /// Returns whether the scene's lights make it brighter.
     pub fn is_brightened(&self) -> bool {
         self.lighting.is_some_and(|lighting| lighting.brightness > 0.0)
     }
@@ -211,29 +208,22 @@ pub(super) struct VisibleProps {
     pub quality: PropQuality,
     /// The lines of props without ink of their own.
     pub ink: Option<ExtractedInk>,
-    /// The shaders of custom stages.
     pub stages: Vec<Handle<Shader>>,
-    /// Whether the camera draws motion vectors.
     pub has_motion: bool,
-    /// Whether the camera has fog.
     pub has_fog: bool,
     /// How the camera's materials map tones, if they do so themselves: without `Hdr`.
     pub tonemapping: Option<Tonemapping>,
     /// Whether Bevy lights scenes, which its `PbrPlugin` does.
     pub has_lights: bool,
-    /// Whether there are point or spot lights.
     pub has_lamps: bool,
-    /// Whether the scene's shadows have hard edges.
     pub has_hard_shadows: bool,
 }
 
 impl VisibleProps {
-    /// Returns whether there is nothing to draw.
     pub fn is_empty(&self) -> bool {
         self.props.is_empty() && self.view_posterize.is_none()
     }
 
-    /// Lets the camera draw nothing.
     pub fn clear(&mut self) {
         self.props.clear();
         self.view_posterize = None;

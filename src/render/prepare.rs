@@ -151,11 +151,12 @@ pub(super) fn plan_views(
         let (planned, left_out) = plan(&known, &mut view.held_frames, &mut pipelines, &cache);
         let (ahead, kinds) = look_ahead(&known);
         passes::request(&ahead, &kinds, &mut pipelines, &cache);
-        let Some((plan, passes)) = planned else {
+        let Some((mut plan, passes)) = planned else {
             view.clear();
             view.left_out = left_out;
             continue;
         };
+        passes::request_alike(&mut plan, &kinds, &mut pipelines, &cache);
         (view.plan, view.left_out, view.is_drawn) = (plan, left_out, false);
         view.passes = passes;
         let PropView { plan, passes, textures, buffers, cached, .. } = view;

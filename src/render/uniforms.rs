@@ -35,6 +35,8 @@ pub(super) struct PropUniform {
     tint: Vec3,
     smooths: u32,
     previous_from_clip: Mat4,
+    /// The number of its field and level, among those of props with smooth edges.
+    pub field: u32,
 }
 
 /// Which edges of a prop are smooth. Matches `view.wgsl`.
@@ -236,6 +238,8 @@ pub(super) struct ViewUniform {
     pub depth_range: Vec2,
     /// The number of props, and of the posterized view.
     pub props: u32,
+    /// The number of lists of pixels at edges. See `list_of` of `batch.wgsl`.
+    pub edge_lists: u32,
 }
 
 /// How colors are shown. Matches `Screen` in `view.wgsl`.
@@ -251,7 +255,6 @@ pub(super) struct ScreenUniform {
 pub(super) struct Rect {
     pub low: UVec2,
     pub size: UVec2,
-    /// The size of the viewport.
     pub viewport: UVec2,
 }
 
@@ -302,9 +305,7 @@ pub(super) struct ViewBuffers {
     pub labelings: WrittenBuffer,
     /// See `Cache::first_drawn`.
     pub first_drawn: WrittenBuffer,
-    /// How lights fall on each prop.
     pub lit: WrittenBuffer,
-    /// The color that each label shows in each band of light.
     pub shades: WrittenBuffer,
     /// Bevy's fog of a camera without any.
     pub no_fog: WrittenBuffer,

@@ -1,7 +1,7 @@
 //! Creates buffers, unless there is too little memory.
 
 use bevy::render::{
-    render_resource::{Buffer, BufferDescriptor, BufferUsages},
+    render_resource::{Buffer, BufferUsages},
     renderer::{RenderDevice, RenderQueue},
 };
 
@@ -15,8 +15,7 @@ pub(super) fn buffer(
     size: u64,
     usage: BufferUsages,
 ) -> Result<Buffer, SamplingFailure> {
-    let descriptor = BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
-    allocator.create(device, || device.create_buffer(&descriptor)).ok_or(SamplingFailure::TooLarge)
+    allocator.buffer(device, label, size, usage).ok_or(SamplingFailure::TooLarge)
 }
 
 /// Returns a buffer with `contents`.

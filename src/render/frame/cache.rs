@@ -15,14 +15,7 @@ use bevy::{
     platform::hash::FixedHasher,
     prelude::*,
     render::{
-        render_resource::{
-            BindGroupLayoutDescriptor, BindGroupLayoutEntries, BindingResource, Buffer, BufferDescriptor, BufferUsages,
-            CachedComputePipelineId, ComputePassDescriptor, ComputePipelineDescriptor, PipelineCache, ShaderStages,
-            TextureSampleType, TextureView,
-            binding_types::{
-                storage_buffer_sized, texture_2d, texture_depth_2d, texture_depth_2d_multisampled, uniform_buffer,
-            },
-        },
+        render_resource::{binding_types::*, *},
         renderer::{RenderContext, RenderDevice},
     },
     shader::ShaderDefVal,
@@ -83,16 +76,10 @@ impl Cache {
         self.drawn = default();
         let words = 1 + u64::from(plan.posterizes) + u64::from(has_light);
         let size = scene_bytes(words, plan.rect.size);
-        if size > device.limits().max_storage_buffer_binding_size {
-            self.unchanged = 0;
-        }
         if self.unchanged == 0 {
             self.scene = None;
         } else if self.scene.as_ref().is_none_or(|scene| scene.size() != size) {
-            let (label, usage) = (Some("plenoctree_scene"), BufferUsages::STORAGE);
-            self.scene = textures.allocator.create(device, || {
-                device.create_buffer(&BufferDescriptor { label, size, usage, mapped_at_creation: false })
-            });
+            self.scene = textures.allocator.buffer(device, "plenoctree_scene", size, BufferUsages::STORAGE);
             self.knows = default();
         }
         self.first_drawn = self.knows.iter().take(self.unchanged).take_while(|knows| **knows).count();

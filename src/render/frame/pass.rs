@@ -12,7 +12,6 @@ use crate::{
     render::plan::{Feature, Plan, PlannedProp},
 };
 
-/// A render pass of a view.
 pub(in crate::render) struct Pass {
     /// The label of the pass and of its pipelines, and the name of its span in Bevy's render diagnostics. Neighboring
     /// passes of the same name share a span.
@@ -21,15 +20,12 @@ pub(in crate::render) struct Pass {
     pub feature: Feature,
     /// The result that it contributes to, and that may be cached. Other passes run in every frame.
     pub result: Option<CachedResult>,
-    /// Bind group 0.
     pub group: FirstGroup,
     /// What it reads: one bind group after another, from group 1, or from group 2 if it marches through fields.
     pub reads: Vec<Vec<Slot>>,
     /// What its shaders store to: the bind group after these.
     pub stores: Vec<Slot>,
-    /// Its color attachments.
     pub writes: Vec<Slot>,
-    /// Its depth attachment.
     pub depth: Option<Slot>,
     /// What its attachments hold when it begins. If it is `None`, they keep what they hold.
     pub clear: Option<Clear>,
@@ -37,7 +33,6 @@ pub(in crate::render) struct Pass {
     pub covers_all: bool,
     /// Buffers that are filled with zeros before it.
     pub zeroes: Vec<Slot>,
-    /// The number of samples per pixel.
     pub samples: u32,
     pub programs: Vec<Program>,
     /// The pipelines of these, and the one that clears what it writes if that may be cached.
@@ -79,7 +74,6 @@ impl Pass {
         self.reads.iter().map(|slots| (Access::Read, &slots[..])).chain(stores)
     }
 
-    /// Returns whether it writes depth.
     pub fn writes_depth(&self) -> bool {
         self.depth.is_some() && self.programs.iter().any(|program| program.depth_test.writes)
     }
@@ -185,7 +179,6 @@ pub(in crate::render) enum Clear {
 #[derive(Clone, PartialEq, Eq, Hash)]
 pub(in crate::render) struct Program {
     pub fragment: Fragment,
-    /// The name of the vertex shader.
     pub vertex: &'static str,
     pub definitions: Vec<ShaderDefVal>,
     /// The shape of the field through which it marches, in bind group 1.
@@ -202,9 +195,7 @@ pub(in crate::render) struct Program {
 /// A fragment shader.
 #[derive(Clone, PartialEq, Eq, Hash)]
 pub(in crate::render) enum Fragment {
-    /// In a file of the plugin.
     Named(&'static str),
-    /// Of a custom stage.
     Custom(Handle<Shader>),
 }
 
@@ -256,7 +247,6 @@ impl Program {
 pub(in crate::render) enum Blend {
     Replace,
     With(BlendState),
-    /// Writes nothing.
     Masked,
 }
 
@@ -269,7 +259,6 @@ pub(in crate::render) struct DepthTest {
 
 /// A draw call.
 pub(in crate::render) struct Draw {
-    /// The index of the program.
     pub program: usize,
     /// The field through which it marches: bind group 1.
     pub field: Option<BindGroup>,

@@ -8,15 +8,7 @@ use bevy::{
         time::Instant,
     },
     prelude::*,
-    render::render_resource::{
-        BindGroupLayoutDescriptor, CachedPipelineState, CachedRenderPipelineId, ColorTargetState, ColorWrites,
-        DepthStencilState, Face, FragmentState, PipelineCache, PrimitiveState, RenderPipelineDescriptor, ShaderStages,
-        StorageTextureAccess, TextureFormat, TextureSampleType, VertexState,
-        binding_types::{
-            storage_buffer_read_only, storage_buffer_read_only_sized, storage_buffer_sized, texture_2d,
-            texture_depth_2d, texture_depth_2d_multisampled, texture_storage_2d, uniform_buffer, uniform_buffer_sized,
-        },
-    },
+    render::render_resource::{binding_types::*, *},
     shader::{Shader, ShaderCacheError, ShaderDefVal},
 };
 

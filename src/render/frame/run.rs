@@ -5,10 +5,7 @@ use bevy::{
     prelude::*,
     render::{
         diagnostic::RecordDiagnostics,
-        render_resource::{
-            BindGroup, BindingResource, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
-            RenderPassDepthStencilAttachment, RenderPassDescriptor, StoreOp,
-        },
+        render_resource::*,
         renderer::{RenderContext, ViewQuery},
         view::{ViewDepthTexture, ViewTarget},
     },
@@ -36,7 +33,6 @@ use crate::{
 #[derive(Component, Default)]
 pub(crate) struct PropView {
     pub(in crate::render) plan: Plan,
-    /// The passes in the order in which they run.
     pub(in crate::render) passes: Vec<Pass>,
     /// What is left out because a pipeline is not ready.
     pub(in crate::render) left_out: LeftOut,

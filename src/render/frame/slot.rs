@@ -18,11 +18,11 @@ pub(in crate::render) enum Slot {
     Lit,
     /// The color that each label shows in each band of light.
     Shades,
-    /// The number of gaps in each batch, and later of the pixels at edges that need rays.
+    /// The number of gaps in each batch, and later of the pixels at edges that need rays, one list after another.
     BatchCounts,
     /// The places of gaps in the squares of their batches.
     BatchGaps,
-    /// Where these pixels are in the squares of their batches: a word per row, a bit per pixel.
+    /// Where these pixels are in the squares of their batches: a word per row, a bit per pixel, one list after another.
     BatchEdges,
     /// The colors of the scene, as passes read them in the camera's target.
     Scene,
@@ -63,7 +63,7 @@ pub(in crate::render) enum Slot {
     /// The same, smoothed. See `smooth_light.wgsl`.
     SmoothLight,
     /// The composite before and after each iteration of the filter. See `filter_texel.wgsl`. Before that, where rays of
-    /// edges reach the owner of the pixel: eight half floats, in the order of batches. See `coverage.wgsl`.
+    /// edges reach the owner of the pixel. See `coverage.wgsl`.
     Even,
     /// The composite halfway through an iteration.
     Odd,

@@ -6,14 +6,7 @@
 use bevy::{
     platform::collections::HashMap,
     prelude::*,
-    render::{
-        render_resource::{
-            BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferDescriptor,
-            BufferUsages, Extent3d, PipelineCache, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
-            TextureView,
-        },
-        renderer::RenderDevice,
-    },
+    render::{render_resource::*, renderer::RenderDevice},
 };
 
 use super::{
@@ -22,7 +15,6 @@ use super::{
 };
 use crate::{gpu::Allocator, render::plan::Plan};
 
-/// The textures and buffers of a view.
 #[derive(Default)]
 pub(in crate::render) struct Textures {
     /// With the number of frames since a pass last used each.
@@ -65,14 +57,12 @@ impl Textures {
         textures.chain(self.buffers.values().map(|(buffer, _)| buffer.size())).sum()
     }
 
-    /// Drops everything.
     pub fn clear(&mut self) {
         self.textures.clear();
         self.buffers.clear();
         self.size = UVec2::ZERO;
     }
 
-    /// Exchanges what two slots hold.
     pub fn swap(&mut self, a: Slot, b: Slot) {
         let (of_a, of_b) = (self.textures.remove(&a), self.textures.remove(&b));
         self.textures.extend(of_a.map(|existing| (b, existing)));
@@ -89,13 +79,13 @@ impl Textures {
 
     /// Creates what a slot holds, unless it exists or belongs to others. Returns whether there is enough memory.
     fn create(&mut self, device: &RenderDevice, slot: Slot, plan: &Plan) -> bool {
-        let batches = batches(self.size).element_product();
+        let (batches, lists) = (batches(self.size).element_product(), plan.edge_lists());
         match slot {
             Slot::View | Slot::Screen | Slot::Lit | Slot::Shades => true,
             Slot::Scene | Slot::Target | Slot::TargetDepth | Slot::PrepassMotion => true,
-            Slot::BatchCounts => self.create_buffer(device, slot, batches),
+            Slot::BatchCounts => self.create_buffer(device, slot, lists * batches),
             Slot::BatchGaps => self.create_buffer(device, slot, batches * MOST_GAPS),
-            Slot::BatchEdges => self.create_buffer(device, slot, batches * BATCH),
+            Slot::BatchEdges => self.create_buffer(device, slot, lists * batches * BATCH),
             Slot::Coverage => self.create_buffer(device, slot, self.size.element_product()),
             _ => self.create_texture(device, slot, plan),
         }
@@ -118,18 +108,20 @@ impl Textures {
         }
         // The former frame may have had another size.
         let may_differ = is_former && plan.reads_former();
+        let usage = match slot {
+            Slot::SceneDepth => TextureUsages::COPY_DST,
+            Slot::OwnRays | Slot::OtherRays => TextureUsages::STORAGE_BINDING,
+            Slot::Even if plan.has_several_props => TextureUsages::STORAGE_BINDING,
+            _ => TextureUsages::empty(),
+        };
         if let Some((view, idle)) = self.textures.get_mut(&slot)
             && (view.texture().format(), view.texture().sample_count()) == (format, samples)
             && (view.texture().size() == extent(size) || may_differ)
+            && view.texture().usage().contains(usage)
         {
             *idle = 0;
             return true;
         }
-        let usage = match slot {
-            Slot::SceneDepth => TextureUsages::COPY_DST,
-            Slot::OwnRays | Slot::OtherRays => TextureUsages::STORAGE_BINDING,
-            _ => TextureUsages::empty(),
-        };
         let create = || create_texture(device, "plenoctree_view", size, samples, format, usage);
         self.allocator.create(device, create).map(|view| self.textures.insert(slot, (view, 0))).is_some()
     }
@@ -140,17 +132,8 @@ impl Textures {
             *idle = 0;
             return true;
         }
-        if size > device.limits().max_storage_buffer_binding_size {
-            return false;
-        }
-        let created = self.allocator.create(device, || {
-            device.create_buffer(&BufferDescriptor {
-                label: Some("plenoctree_view"),
-                size,
-                usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        });
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        let created = self.allocator.buffer(device, "plenoctree_view", size, usage);
         created.map(|buffer| self.buffers.insert(slot, (buffer, 0))).is_some()
     }
 }

@@ -2,7 +2,7 @@
 //! section 4 of the method, step 6. The edges of the paper are hard.
 //!
 //! The *outline* pass finds the pixels at the edges of props, and the owners that may cover parts of them: from opacity
-//! where it says enough. It lists the others in batches. The *coverage* pass marches several rays through each of
+//! where it says enough. It lists the others in batches, for each field. The *coverage* pass marches several rays through each of
 //! these, side by side: edges are thin, and graphics cards gain nothing by leaving out single pixels.
 
 use bevy::{prelude::*, render::render_resource::CompareFunction};
@@ -20,16 +20,16 @@ use crate::{
 pub(super) const OUTLINE: &str = "plenoctree_outline";
 pub(super) const COVERAGE: &str = "plenoctree_coverage";
 
-/// The pixels of a prop that a pass draws.
+/// The listed pixels that a pass draws, for one of the owners that may cover parts of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Pixels {
-    /// All of them.
-    All,
-    /// Those that the prop owns, where another one may be before it. Writes where the rays reach it, for those that
-    /// follow.
+    /// Those that a prop owns where another one may be before it, for the owner. Writes where the rays reach it, for the
+    /// others.
     OfOwners,
-    /// The others: those that another prop owns or none does, and those where no other one may be before it.
+    /// All of them, for the other one, or if there is none, for the owner.
     OfOthers,
+    /// All of them, if there is one prop.
+    All,
 }
 
 /// Where the rays of edges reach owners. Whenever the layer is drawn, so is the composite, which replaces all of this.
@@ -41,8 +41,8 @@ const FOUND: [Slot; 3] = [Slot::Coverage, Slot::OwnRays, Slot::OtherRays];
 /// Lets a pass find the pixels at edges.
 pub(super) fn outlining(plan: &Plan, pass: Pass) -> Pass {
     let define = |program: Program| {
-        let program = program.define("OUTLINE").define_if(plan.has_several_props, "SEVERAL");
-        let program = program.define_if(plan.estimates_edges, "ESTIMATES").define_number("SAMPLES", Some(plan.samples));
+        let program = program.define("OUTLINE").define_if(plan.estimates_edges, "ESTIMATES");
+        let program = program.define_number("SAMPLES", Some(plan.samples));
         program.depth_test(CompareFunction::Always, true)
     };
     let batches = [Slot::BatchCounts, Slot::BatchEdges];
@@ -69,44 +69,42 @@ pub(super) fn outline(plan: &Plan) -> Option<Pass> {
     (plan.smooths && !plan.composite_outlines()).then(|| outlining(plan, pass))
 }
 
-/// Finds which parts of these pixels props cover. Where props overlap, those before others are compared with them ray
-/// by ray.
+/// Finds which parts of these pixels props cover. Those before others are compared with them ray by ray.
 pub(super) fn coverage(plan: &Plan) -> Vec<Pass> {
     let pixels = match () {
         _ if !plan.smooths => &[][..],
-        _ if plan.overlaps => &[Pixels::OfOwners, Pixels::OfOthers],
+        _ if plan.has_several_props => &[Pixels::OfOwners, Pixels::OfOthers],
         _ => &[Pixels::All],
     };
     pixels.iter().map(|pixels| coverage_of(plan, *pixels)).collect()
 }
 
 fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
-    let is_of_owners = pixels == Pixels::OfOwners;
     let mut reads = vec![Slot::Outline, Slot::OWNER, Slot::DEPTH];
     reads.extend((pixels == Pixels::OfOthers).then_some(PLACES));
-    let (mut programs, mut draws, mut shapes) = (vec![], vec![], vec![]);
+    let (mut programs, mut draws, mut shapes, mut fields) = (vec![], vec![], vec![], vec![]);
     for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| prop.smooths != Smooths::Nothing) {
         let program = index_of(&mut shapes, prop.kind.shape, || {
             let program = Program { tree: Some(prop.kind.shape.into()), vertex: "batches", ..Program::new("coverage") };
-            let program = program.define_if(is_of_owners, "OF_OWNERS");
+            let program = program.define_if(pixels == Pixels::OfOwners, "OF_OWNERS");
             let program = program.define_if(pixels == Pixels::OfOthers, "OF_OTHERS");
-            let program = program.define_if(plan.has_several_props, "SEVERAL");
+            let program = program.define_number("PART", Some((pixels == Pixels::OfOwners).into()));
             let program = program.define_number("SAMPLES", Some(plan.samples));
             programs.push(program.define_all(field_definitions(prop.kind.shape)));
         });
-        // A single prop writes all pixels at its edges, even where its rays do not meet its box.
-        let all = URect { min: UVec2::ZERO, max: plan.rect.size };
-        let rect = if plan.has_several_props { prop.rect } else { all };
-        let field = Some(prop.field.clone());
-        draws.extend(Draw { field, instance: index as u32, ..Draw::triangle(program) }.of_batches(plan, rect));
+        // The pixels of all props of a field are drawn at once.
+        index_of(&mut fields, prop.field.id(), || {
+            let all = URect { min: UVec2::ZERO, max: plan.rect.size };
+            let field = Some(prop.field.clone());
+            draws.extend(Draw { field, instance: index as u32, ..Draw::triangle(program) }.of_batches(plan, all));
+        });
     }
     let place = if plan.composite_outlines() { Place::Posterize } else { Place::Layer };
     Pass {
         feature: Feature::Edges,
         group: FirstGroup::Batches(plan.samples, Slot::BatchEdges),
         reads: vec![reads],
-        stores: FOUND.into_iter().filter(|slot| !is_of_owners || *slot != Slot::OtherRays).collect(),
-        writes: is_of_owners.then_some(PLACES).into_iter().collect(),
+        stores: if pixels == Pixels::OfOwners { [FOUND[0], FOUND[1], PLACES] } else { FOUND }.to_vec(),
         // Render passes need an attachment.
         depth: Some(Slot::EdgeMask),
         draws,

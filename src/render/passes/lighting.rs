@@ -18,13 +18,7 @@ use bevy::{
         camera::ExtractedCamera,
         globals::{GlobalsBuffer, GlobalsUniform},
         render_asset::RenderAssets,
-        render_resource::{
-            BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, PipelineCache, SamplerBindingType,
-            ShaderStages, ShaderType, TextureSampleType,
-            binding_types::{
-                sampler, storage_buffer_read_only_sized, texture_2d_array, texture_cube_array, uniform_buffer,
-            },
-        },
+        render_resource::{binding_types::*, *},
         renderer::RenderDevice,
         texture::{FallbackImage, GpuImage},
         view::{ViewUniform, ViewUniformOffset, ViewUniforms},

@@ -14,11 +14,12 @@ pub(super) use lighting::{lights_layout, lit_props};
 pub(super) use objects::draw_objects;
 pub(super) use volume::request;
 
-use bevy::app::SubApp;
+use bevy::{app::SubApp, render::render_resource::PipelineCache};
 
 use super::{
-    frame::{Pass, RaySet},
-    plan::Plan,
+    frame::{Pass, Pipelines, RaySet},
+    plan::{Kind, Plan, PlannedProp},
+    uniforms::Smooths,
 };
 
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of drawing props.
@@ -76,6 +77,24 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
     passes.extend(objects::under_objects(plan));
     passes.extend(objects::objects(plan));
     passes
+}
+
+/// Requests the pipelines of everything that is drawn for props of these kinds in place of those of a plan.
+pub(super) fn request_alike(plan: &mut Plan, kinds: &[Kind], pipelines: &mut Pipelines, cache: &PipelineCache) {
+    let Some(drawn) = plan.props.first() else {
+        return;
+    };
+    let smooths = if plan.smooths { Smooths::Slits } else { Smooths::Nothing };
+    let can_be_drawn = |kind: &&Kind| kind.overlaps <= plan.overlaps && kind.is_lit <= plan.is_lit;
+    let alike = |kind: &Kind| PlannedProp { kind: *kind, smooths, may_be_solid: true, ..drawn.clone() };
+    let alike = kinds.iter().filter(can_be_drawn).map(alike).collect();
+    let drawn = std::mem::replace(&mut plan.props, alike);
+    for pass in of(plan) {
+        for program in &pass.programs {
+            pipelines.get(cache, &pass, program, plan.target.format);
+        }
+    }
+    plan.props = drawn;
 }
 
 /// Adds the systems of passes that need more than a row.

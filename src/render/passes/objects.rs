@@ -15,10 +15,7 @@ use bevy::{
     render::{
         diagnostic::RecordDiagnostics,
         render_phase::ViewSortedRenderPhases,
-        render_resource::{
-            CompareFunction, LoadOp, Operations, RenderPassColorAttachment, RenderPassDescriptor, StoreOp,
-            TextureFormat,
-        },
+        render_resource::*,
         renderer::{RenderContext, ViewQuery},
         view::{ExtractedView, ViewDepthTexture},
     },

@@ -146,7 +146,7 @@ fn what_later_passes_replace_is_written_again_for_those_that_read_it() {
         let result = |pass: &Pass| pass.result.map_or(CachedResult::ALL.len(), |result| result as usize);
         for (index, pass) in passes.iter().enumerate() {
             for slot in pass.reads.iter().flatten() {
-                let writes = |other: &&Pass| other.writes.contains(slot);
+                let writes = |other: &&Pass| other.writes.contains(slot) || other.stores.contains(slot);
                 if passes[index + 1..].iter().any(|other| writes(&other)) {
                     let writer = passes[..index].iter().rfind(writes).unwrap();
                     assert!(result(writer) >= result(pass), "{}, {slot:?}", pass.name);
@@ -179,6 +179,7 @@ fn features(headless: &mut Headless) -> HashSet<&'static str> {
         ("light", plan.keeps(Feature::Lighting)),
         ("objects", plan.keeps(Feature::Objects)),
         ("edges", plan.keeps(Feature::Edges)),
+        ("sparse", plan.keeps(Feature::Sparse)),
     ];
     all.into_iter().filter(|(_, is_shown)| *is_shown).map(|(what, _)| what).collect()
 }
@@ -262,15 +263,18 @@ fn props_stay_while_pipelines_are_compiled() {
     }
 }
 
-/// So does a posterized prop that is given fields of other shapes, when their palettes arrive.
+/// So does a posterized prop that is given fields of other shapes, when their palettes arrive. So do its smooth edges.
 #[test]
 fn props_stay_when_the_palette_of_another_field_arrives() {
-    let (mut headless, _) = app(Some(Posterize::default()), |_| ());
+    let (mut headless, camera) = app(Some(Posterize::default()), |_| ());
+    headless.app.world_mut().entity_mut(camera).insert(PropQuality::BALANCED);
     let world = headless.app.world_mut();
     let mut fields = world.resource_mut::<Assets<PlenOctree>>();
     let fields = [Basis::Sh4, Basis::Sh9].map(|basis| fields.add(cube(basis, DVec3::new(0.2, 0.6, 0.3))));
     // The second one arrives before anything shows it.
     headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    let shown = features(&mut headless);
+    assert!(shown.contains("edges") && shown.contains("sparse"));
     for field in fields {
         let world = headless.app.world_mut();
         let mut props = world.query::<&mut Prop>();
@@ -279,6 +283,7 @@ fn props_stay_when_the_palette_of_another_field_arrives() {
         while frames < 10 {
             headless.update();
             assert_eq!(drawn_props(&mut headless), 1);
+            assert_eq!(features(&mut headless), shown);
             let is_known = headless.app.world().resource::<Palettes>().get(&field).is_some();
             frames += u32::from(is_known && is_complete(&mut headless));
         }

@@ -12,12 +12,7 @@
 //! by leaving out single pixels. The *fill* pass takes the results to their places in the layer, and interpolates the
 //! rays of the grid across all other gaps.
 
-use bevy::{
-    prelude::*,
-    render::render_resource::{
-        BlendComponent, BlendFactor, BlendOperation, BlendState, CompareFunction, PipelineCache,
-    },
-};
+use bevy::{prelude::*, render::render_resource::*};
 
 use crate::{
     gpu::{FieldShape, TreeShape, field_definitions},

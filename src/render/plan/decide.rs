@@ -23,7 +23,7 @@ use bevy::{
     camera::{Exposure, Viewport},
     core_pipeline::prepass::PreviousViewData,
     ecs::entity::EntityHashMap,
-    platform::hash::FixedHasher,
+    platform::{collections::HashMap, hash::FixedHasher},
     prelude::*,
     render::{
         camera::{ExtractedCamera, TemporalJitter},
@@ -31,6 +31,10 @@ use bevy::{
         view::ExtractedView,
     },
 };
+
+/// The largest number of lists of pixels at edges, which take an eighth of a byte per pixel each. A power of two, so that
+/// buffers of them are seldom recreated.
+const MOST_LISTS: u32 = 16;
 
 /// What is known of a view before its frame is planned.
 pub(in crate::render) struct Known<'a> {
@@ -143,14 +147,23 @@ pub(in crate::render) fn decide(known: &Known, missing: &[Feature], held: Option
         })
         .collect();
 
+    // Props of a field share a list of their pixels at edges. Those of many fields do, too.
+    let mut fields = HashMap::new();
     let mut uniforms: Vec<_> = seen
         .iter()
         .zip(&props)
         .map(|(seen, prop)| {
             let previous = motion.previous_from_clip(seen.prop);
-            PropUniform::new(seen.prop, &seen.rays, &rect, previous, quality, seen.posterize, prop.smooths)
+            let mut uniform =
+                PropUniform::new(seen.prop, &seen.rays, &rect, previous, quality, seen.posterize, prop.smooths);
+            if prop.smooths != Smooths::Nothing {
+                let next = fields.len() as u32;
+                uniform.field = *fields.entry(prop.field.id()).or_insert(next);
+            }
+            uniform
         })
         .collect();
+    let edge_lists = (fields.len() as u32).clamp(1, MOST_LISTS).next_power_of_two();
     uniforms.extend(view_posterize.map(|_| PropUniform::view_posterize()));
     let colors = &extracted.colors.list;
     let of_props = seen.iter().map(|seen| (seen.posterize, seen.palette, seen.prop.ink.or(visible.ink)));
@@ -214,6 +227,7 @@ pub(in crate::render) fn decide(known: &Known, missing: &[Feature], held: Option
             // Nothing is divided by an empty range.
             depth_range: Vec2::new(viewport.depth.start, (viewport.depth.end - viewport.depth.start).max(1e-6)),
             props: uniforms.len() as u32,
+            edge_lists,
         },
         screen: ScreenUniform {
             // Relative to Bevy's default exposure, or 1 after tonemapping. Shaders divide by it.

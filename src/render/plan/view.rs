@@ -40,7 +40,6 @@ pub(in crate::render) struct Plan {
     pub is_sparse: bool,
     /// The largest number of filter iterations.
     pub iterations: u32,
-    /// Whether anything is posterized.
     pub posterizes: bool,
     /// Whether a posterized view owns the pixels that no posterized prop owns.
     pub posterizes_view: bool,
@@ -50,25 +49,17 @@ pub(in crate::render) struct Plan {
     pub has_fog: bool,
     /// How the tones of this fog are mapped before it is shown.
     pub tonemapping: Option<Tonemapping>,
-    /// Whether lights fall on any prop.
     pub is_lit: bool,
-    /// Whether lights make any prop brighter.
     pub is_brightened: bool,
-    /// Whether there are point or spot lights.
     pub has_lamps: bool,
     /// Whether all light on props is smoothed afterward, and with it the edges of shadows.
     pub smooths_all_light: bool,
-    /// Whether the scene's shadows have hard edges.
     pub has_hard_shadows: bool,
-    /// Whether there are several props.
     pub has_several_props: bool,
-    /// Whether any edge is smooth.
     pub smooths: bool,
     /// Whether edges follow from opacity alone where it says enough.
     pub estimates_edges: bool,
-    /// Whether borders between labels are smooth anywhere.
     pub has_smooth_borders: bool,
-    /// Whether anything has ink.
     pub has_ink: bool,
     /// Whether the palette of a prop as trained has changed.
     pub recolors: bool,
@@ -76,9 +67,7 @@ pub(in crate::render) struct Plan {
     pub former: Option<Former>,
     /// Whether any pixel may keep the label that it had in the former frame.
     pub keeps_labels: bool,
-    /// Whether motion vectors are written.
     pub has_motion: bool,
-    /// The shaders of custom stages.
     pub stages: Vec<Handle<Shader>>,
     /// Whether transparent objects are drawn over props at the display.
     pub has_objects: bool,
@@ -103,7 +92,6 @@ impl Default for Target {
 /// What is drawn of a prop.
 #[derive(Clone)]
 pub(in crate::render) struct PlannedProp {
-    /// The prop's entity in the main world.
     pub entity: Entity,
     /// Its index in `ExtractedProps::props`.
     pub index: usize,
@@ -143,21 +131,16 @@ pub(in crate::render) struct Kind {
 pub(in crate::render) enum Feature {
     /// Drawing props at all.
     Base,
-    /// Fog before props.
     Fog,
-    /// Labels.
     Posterize,
-    /// Lights that fall on props.
     Lighting,
     /// Transparent objects over props at the display.
     Objects,
     /// Fewer rays than pixels.
     Sparse,
-    /// Smooth edges.
     Edges,
     /// Smooth borders between labels, ink, and steady labels.
     Finish,
-    /// Custom stages.
     Stages,
 }
 
@@ -172,10 +155,16 @@ impl Plan {
         self.has_smooth_borders || self.has_ink
     }
 
-    /// Returns whether the composite pass finds the pixels at edges. With several props, it would write too much at
-    /// once, and at the display, it runs long after the coverage pass.
+    /// Returns whether the composite pass finds the pixels at edges. With several props, the coverage pass would replace
+    /// what it writes, and at the display, it runs long after the coverage pass.
     pub fn composite_outlines(&self) -> bool {
         self.smooths && !self.has_several_props && self.placement == PropPlacement::Scene
+    }
+
+    /// Returns the number of lists of pixels at edges. With several props, each field has one more. See `list_of` of
+    /// `batch.wgsl`.
+    pub fn edge_lists(&self) -> u32 {
+        self.values.view.edge_lists << u32::from(self.has_several_props)
     }
 
     /// Returns whether anything is drawn over what the label pass shows: borders, ink, or smooth edges.

@@ -9,10 +9,7 @@ use bevy::{
         diagnostic::RecordDiagnostics,
         render_asset::RenderAssets,
         render_phase::TrackedRenderPass,
-        render_resource::{
-            BindGroup, BufferUsages, CachedRenderPipelineId, CompareFunction, PipelineCache, RenderPassColorAttachment,
-            RenderPassDescriptor, StoreOp,
-        },
+        render_resource::*,
         renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery},
         view::ExtractedView,
     },
@@ -50,13 +47,11 @@ pub(super) struct MapProps {
     /// The uniforms of draw calls: what rays are marched through, and the tiles that are copied.
     uniforms: Vec<PropUniform>,
     props: WrittenBuffer,
-    /// Bind group 0.
     group: Option<BindGroup>,
 }
 
 /// A prop in a map.
 pub(super) struct Caster {
-    /// The prop's entity in the main world.
     pub entity: Entity,
     /// Its index in `ExtractedProps::props`.
     pub index: usize,
@@ -67,10 +62,8 @@ pub(super) struct Caster {
 /// A draw call.
 #[derive(Clone)]
 struct Drawn {
-    /// The prop's entity in the main world.
     entity: Entity,
     pipeline: CachedRenderPipelineId,
-    /// Bind group 1.
     group: BindGroup,
     /// The texels that it can cover.
     rect: URect,

@@ -21,7 +21,6 @@ pub(super) struct LightView {
     pub shift: IVec2,
     /// The texels that the box around the leaves can cover.
     texels: IRect,
-    /// The size of the map.
     size: UVec2,
 }
 
