@@ -1,8 +1,8 @@
 //! Stylized radiance-field props for [Bevy](https://bevy.org).
 //!
 //! The plugin loads PlenOctrees (trained radiance fields) as assets, extracts one palette per field, renders fields
-//! among ordinary meshes, and posterizes them with their palettes. Palettes can change in any frame, so gameplay can turn
-//! a red cap blue while all regions stay coherent from frame to frame.
+//! among ordinary meshes, and posterizes them with their palettes. Palettes can change in any frame, so gameplay can
+//! turn a red cap blue while all regions stay coherent from frame to frame.
 //!
 #![cfg_attr(
     feature = "doc-images",
