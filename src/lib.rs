@@ -1,8 +1,8 @@
 //! Stylized radiance-field props for [Bevy](https://bevy.org).
 //!
 //! The plugin loads PlenOctrees (trained radiance fields) as assets, extracts one palette per field, renders fields
-//! among ordinary meshes, and posterizes them with their palettes. Palettes can change in any
-//! frame, so gameplay can turn a red cap blue while all regions stay coherent from frame to frame.
+//! among ordinary meshes, and posterizes them with their palettes. Palettes can change in any frame, so gameplay can
+//! turn a red cap blue while all regions stay coherent from frame to frame.
 //!
 #![cfg_attr(
     feature = "doc-images",
@@ -52,6 +52,22 @@
 //!
 //! The crate [`plenoctree`], which is re-exported, provides the types of fields and palettes. It also reads, writes,
 //! bakes and inspects fields without an engine.
+//!
+//! # Features
+//!
+//! All are off by default.
+//!
+//! | feature | adds | enables |
+//! |---|---|---|
+//! | `doc-images` | pictures in this documentation | `embed-doc-image` |
+//! | `egui` | the module [`panel`]: a panel to edit palettes and settings | `bevy_egui` |
+//! | `headless` | the module [`headless`]: an app without a window that captures frames | `image`, and the feature `camera` of `plenoctree` |
+//! | `headless-lit` | `headless::LitMeshPlugins`: lights and materials for that app | `headless`, and Bevy's `bevy_pbr`, `bevy_post_process` and `bevy_gizmos_render` |
+//! | `mesh` | [`surface_mesh`]: the surface of a field as a mesh, for colliders and navigation | Bevy's `bevy_mesh`, and the feature `mesh` of `plenoctree` |
+//! | `pack` | [`PackSaver`]: Bevy's asset processor packs `.npz` files and captures | the feature `write` of `plenoctree` |
+//! | `picking` | [`PropPickingPlugin`]: a backend for `bevy_picking` | Bevy's `bevy_picking` |
+//! | `shadows` | shadows that props cast, [`PropLighting`] for shadows and lights that fall on them, and fog | Bevy's `bevy_pbr` |
+//! | `splat` | [`CaptureLoader`]: captures of Gaussian splats as assets | `plenoctree_fit` and `serde` |
 //!
 //! [`CaptureLoader`]: https://docs.rs/bevy_plenoctree/latest/bevy_plenoctree/struct.CaptureLoader.html
 //! [`PackSaver`]: https://docs.rs/bevy_plenoctree/latest/bevy_plenoctree/struct.PackSaver.html
@@ -188,6 +204,8 @@ impl Plugin for PlenOctreePlugin {
 mod documentation {
     #[doc = include_str!("../README.md")]
     struct Readme;
+    #[doc = include_str!("../docs/guide/extend.md")]
+    struct Extend;
     #[doc = include_str!("../docs/guide/light.md")]
     struct Light;
     #[doc = include_str!("../docs/guide/load.md")]

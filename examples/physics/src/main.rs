@@ -41,6 +41,10 @@ struct Ball;
 #[derive(Component)]
 struct Start(Transform);
 
+/// A prop whose collider is not being made yet.
+#[derive(Component)]
+struct NeedsCollider;
+
 /// A collider that is being made.
 #[derive(Component)]
 struct ColliderTask(Task<Option<Collider>>);
@@ -55,7 +59,8 @@ fn setup(
     for (index, name) in names.into_iter().enumerate() {
         let place = Quat::from_rotation_y(index as f32 * 1.6) * Vec3::new(1.7, 2.5, 0.0);
         let start = Transform::from_translation(place).with_rotation(Quat::from_rotation_z(0.25));
-        commands.spawn((Prop(assets.load(format!("{name}.plenoctree"))), Posterize::default(), start, Start(start)));
+        let field = assets.load(format!("{name}.plenoctree"));
+        commands.spawn((Prop(field), Posterize::default(), start, Start(start), NeedsCollider));
     }
     commands.spawn((
         Mesh3d(meshes.add(Cuboid::new(24.0, 0.5, 24.0))),
@@ -84,7 +89,7 @@ fn setup(
 fn begin_colliders(
     mut commands: Commands,
     fields: Res<Assets<PlenOctree>>,
-    props: Query<(Entity, &Prop), Without<ColliderTask>>,
+    props: Query<(Entity, &Prop), With<NeedsCollider>>,
 ) {
     for (entity, prop) in &props {
         let Some(field) = fields.get(&prop.0).cloned() else { continue };
@@ -94,14 +99,18 @@ fn begin_colliders(
             let parts = VhacdParameters { resolution: 24, concavity: 0.03, ..default() };
             Collider::convex_decomposition_from_mesh_with_config(&surface, &parts)
         };
-        commands.entity(entity).insert(ColliderTask(AsyncComputeTaskPool::get().spawn(collider)));
+        let task = AsyncComputeTaskPool::get().spawn(collider);
+        commands.entity(entity).remove::<NeedsCollider>().insert(ColliderTask(task));
     }
 }
 
-/// Drops the props whose colliders are ready.
-fn finish_colliders(mut commands: Commands, mut props: Query<(Entity, &mut ColliderTask), Without<RigidBody>>) {
+/// Drops the props whose colliders are ready. A prop of which no collider can be made stays where it is.
+fn finish_colliders(mut commands: Commands, mut props: Query<(Entity, &mut ColliderTask)>) {
     for (entity, mut task) in &mut props {
-        if let Some(Some(collider)) = block_on(poll_once(&mut task.0)) {
+        let Some(made) = block_on(poll_once(&mut task.0)) else { continue };
+        // A task that has ended must not be polled again.
+        commands.entity(entity).remove::<ColliderTask>();
+        if let Some(collider) = made {
             commands.entity(entity).insert((collider, RigidBody::Dynamic));
         }
     }
