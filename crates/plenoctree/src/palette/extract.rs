@@ -310,9 +310,9 @@ mod tests {
         fine[(16 * 32 + 16) * 32 + 16] = 1e8;
         coarse[(4 * 8 + 4) * 8 + 4] = 1e8;
         let histograms = Histograms::new(32, fine, 8, coarse, 0).unwrap();
-        let settings = ExtractionSettings { colors: ColorCount::Auto { tolerance: 0.02 }, ..Default::default() };
+        let settings = ExtractionSettings { colors: ColorCount::Auto { tolerance: 0.005 }, ..Default::default() };
         let report = extract_from_histograms(&histograms, &settings).unwrap().report;
-        assert!(report.errors.rmse < 0.02 && report.largest_error > 0.02, "{report:?}");
+        assert!(report.errors.rmse < 0.005 && report.largest_error > 0.005, "{report:?}");
     }
 
     /// Returns histograms with 24 and 8 bins per channel, so that centers of coarse bins are also centers of fine bins.
