@@ -56,6 +56,19 @@ impl FieldArguments {
         self.activation.is_some() || self.up.is_some()
     }
 
+    /// Returns the flags with which a field is read from a file that does not record its activation and up axis, as on
+    /// the command line.
+    pub fn flags_for(field: &PlenOctree) -> String {
+        let activation = match field.activation() {
+            activation if activation == field.basis().default_activation() => None,
+            Activation::Sigmoid => Some("--activation sigmoid"),
+            Activation::ShiftedRelu => Some("--activation shifted-relu"),
+            Activation::Identity => Some("--activation identity"),
+        };
+        let up = (field.up() == UpAxis::Y).then_some("--up y");
+        activation.into_iter().chain(up).collect::<Vec<_>>().join(" ")
+    }
+
     /// Reads a field, with a spinner unless `quiet`.
     pub fn load(self, path: &Path, quiet: bool) -> Result<PlenOctree> {
         let activation = self.activation.map(|curve| match curve {

@@ -11,9 +11,29 @@ pub fn parse_positive(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "expected a number above 0 and below 1000000".into())
 }
 
+/// Converts a mean squared error of encoded sRGB to decibels of PSNR: 100 at most.
+pub fn decibels(mean_squared: f64) -> f64 {
+    -10.0 * mean_squared.max(1e-10).log10()
+}
+
+/// Returns numbers of the same kind as text: with four decimals, or in scientific notation if the largest has no two
+/// digits then.
+pub fn significant<const N: usize>(numbers: [f64; N]) -> [String; N] {
+    let most = numbers.iter().fold(0.0, |most: f64, number| most.max(number.abs()));
+    let is_plain = most == 0.0 || (1e-2..1e9).contains(&most);
+    numbers.map(|number| if is_plain { format!("{number:.4}") } else { format!("{number:.3e}") })
+}
+
 #[cfg(test)]
 mod tests {
-    use super::counted;
+    use super::{counted, significant};
+
+    #[test]
+    fn small_numbers_have_digits() {
+        assert_eq!(significant([0.0, -0.5]), ["0.0000", "-0.5000"]);
+        assert_eq!(significant([1.25e-5, 0.0, -2e-3]), ["1.250e-5", "0.000e0", "-2.000e-3"]);
+        assert_eq!(significant([1e38]), ["1.000e38"]);
+    }
 
     #[test]
     fn only_one_is_singular() {

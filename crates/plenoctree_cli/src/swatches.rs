@@ -48,7 +48,9 @@ pub fn draw(palette: &Palette) -> RgbImage {
     let groups = groups(palette);
     let height = |group: &Group| SWATCH + if group.name.is_some() { HEAD } else { 0 };
     let most = groups.iter().map(|group| group.tones.len() as u32).max().unwrap_or(0);
-    let mut image = RgbImage::from_pixel(SWATCH * most, groups.iter().map(height).sum(), Rgb([255; 3]));
+    let name = groups.iter().filter_map(|group| group.name.as_deref()).map(text::width).max().unwrap_or(0);
+    let width = (SWATCH * most).max(16 + name);
+    let mut image = RgbImage::from_pixel(width, groups.iter().map(height).sum(), Rgb([255; 3]));
     let mut top = 0;
     for group in &groups {
         let below = top + height(group);
@@ -78,7 +80,44 @@ fn swatch(image: &mut RgbImage, palette: &Palette, tone: usize, (left, top): (u3
     }
 }
 
-/// Returns a color's weight in percent.
+/// Returns a color's share of all weight, in percent. Without any weight, all shares are the same.
 fn share(palette: &Palette, index: usize) -> f64 {
-    100.0 * palette.weights.get(index).copied().unwrap_or(0.0)
+    // Weights may be so large that their sum is not finite.
+    let most = palette.weights.iter().copied().fold(0.0, f64::max);
+    if most == 0.0 {
+        return 100.0 / palette.colors.len() as f64;
+    }
+    let total: f64 = palette.weights.iter().map(|weight| weight / most).sum();
+    100.0 * palette.weights.get(index).map_or(0.0, |weight| weight / most) / total
+}
+
+#[cfg(test)]
+mod tests {
+    use plenoctree::palette::Ramp;
+
+    use super::*;
+
+    #[test]
+    fn shares_add_up() {
+        for (weights, expected) in
+            [([3.0, 1.0], [75.0, 25.0]), ([1.5e308, 1.5e308], [50.0, 50.0]), ([0.0, 0.0], [50.0, 50.0])]
+        {
+            let mut palette = Palette::new(vec![[0.1; 3], [0.9; 3]]).unwrap();
+            palette.weights = weights.into();
+            for (index, expected) in expected.into_iter().enumerate() {
+                assert!((share(&palette, index) - expected).abs() < 1e-9, "{palette:?}");
+            }
+        }
+    }
+
+    /// A ramp of one color may have a long name.
+    #[test]
+    fn names_are_whole() {
+        let mut palette = Palette::new(vec![[0.1; 3]]).unwrap();
+        palette.ramps = vec![Ramp { name: "the lid of the chest".into(), tones: vec![0] }];
+        let [start, end] = [0, 27].map(|letter| 8 + 16 * letter);
+        let image = draw(&palette);
+        let is_black = |x: u32| (0..HEAD).any(|y| image.get_pixel(x, y).0 == [0; 3]);
+        assert!(image.width() >= end + 16 && (start..start + 16).any(is_black) && (end..end + 16).any(is_black));
+    }
 }

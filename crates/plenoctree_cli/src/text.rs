@@ -8,6 +8,11 @@ const DOT: u32 = 2;
 /// The width and height of a letter, in pixels.
 const LETTER: u32 = 8 * DOT;
 
+/// Returns the width of a line, in pixels.
+pub fn width(text: &str) -> u32 {
+    LETTER * text.chars().count() as u32
+}
+
 /// Writes one line that starts at `left` and `top`. Parts outside the image are cut off.
 pub fn write(image: &mut RgbImage, text: &str, (left, top): (u32, u32), ink: Rgb<u8>) {
     for (column, letter) in (0..).zip(text.chars()) {

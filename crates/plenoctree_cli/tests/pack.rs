@@ -2,7 +2,9 @@
 
 mod common;
 
-use common::{ball, fail, folder, succeed, text};
+use std::process::Output;
+
+use common::{ball, fail, folder, run, succeed, text};
 use plenoctree::{
     Activation, BakeSettings, Basis, LoadSettings, PlenOctree, UpAxis, bake,
     sampling::{Progress, SamplingSettings, sample},
@@ -40,6 +42,52 @@ fn the_activation_and_the_up_axis_are_recorded() {
     };
     assert_eq!(pack(&[]), (Activation::Identity, UpAxis::Z));
     assert_eq!(pack(&["--activation", "shifted-relu", "--up", "y"]), (Activation::ShiftedRelu, UpAxis::Y));
+}
+
+/// What `.npz` files do not record is said, with the flags that read it again. Files that grow are not called smaller.
+#[test]
+fn what_npz_files_lose_is_said() {
+    let folder = folder("pack_npz_reading");
+    let (source, out) = (ball(&folder), folder.join("quantized.npz"));
+    let pack = |options: &[&str]| {
+        let all = ["pack", text(&source), "--exact", "--views", "0", "--npz", "--out", text(&out)];
+        let Output { stdout, stderr, .. } = run(&[&all[..], options].concat());
+        [stdout, stderr].map(|text| String::from_utf8(text).unwrap())
+    };
+    let [printed, warnings] = pack(&[]);
+    assert!(printed.contains(" times larger") && !printed.contains("smaller"), "{printed}");
+    assert_eq!(warnings, "");
+    let [_, warnings] = pack(&["--activation", "shifted-relu", "--up", "y"]);
+    let flags = "read it with --activation shifted-relu --up y";
+    assert!(warnings.contains("quantized.npz: ") && warnings.contains(flags), "{warnings}");
+}
+
+/// A field without leaves is an error. One that is too faint for a palette is measured without labels.
+#[test]
+fn faint_fields_are_not_packed_silently() {
+    let folder = folder("pack_faint");
+    let bake = |name: &str, density: f64, half: f64| {
+        let (min, max) = (glam::DVec3::splat(-half), glam::DVec3::splat(half));
+        let settings = BakeSettings {
+            depth: 2,
+            min,
+            max,
+            min_density: 0.0,
+            basis: Basis::Rgba,
+            directions: 8,
+            ..Default::default()
+        };
+        let path = folder.join(name);
+        bake(&settings, |_| density, |_| |_| glam::DVec3::ONE).unwrap().write(&path).unwrap();
+        path
+    };
+    let message = fail(&["pack", text(&bake("empty.npz", 1e-3, 1.0))]);
+    assert!(message.contains("empty.npz: no leaf has a density of 0.01"), "{message}");
+    let solid = bake("solid.npz", 1e5, 1.0);
+    let Output { stdout, stderr, status } = run(&["pack", text(&solid), "--exact", "--size", "20x20"]);
+    let [printed, warnings] = [stdout, stderr].map(|text| String::from_utf8(text).unwrap());
+    assert!(status.success() && printed.contains("dB from the field in 4 views"), "{printed}{warnings}");
+    assert!(warnings.is_empty() || warnings.contains("solid.npz: measured without labels"), "{warnings}");
 }
 
 /// The leaves of a solid block hide their own centers. It is packed and measured all the same.

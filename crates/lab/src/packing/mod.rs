@@ -42,7 +42,7 @@ pub fn run(arguments: &Arguments) -> Result {
 fn measure(path: &Path, arguments: &Arguments) -> Result<report::Field> {
     let before = files::size(path)?;
     let field = arguments.reading.load(path, false)?;
-    let views = Views::new(&field, &arguments.views)?;
+    let views = Views::new(&field, path, &arguments.views)?.filter(|views| views.palette().is_some());
     let views = views.ok_or_else(|| {
         format!("{}: found nothing to measure, expected a field with a palette, and views", path.display())
     })?;

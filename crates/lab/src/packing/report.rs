@@ -33,7 +33,10 @@ impl Row {
             leaves: field.leaves(),
             dropped: before - field.leaves(),
             loss: views.compare(field),
-            palette: palette(field).map_or(1.0, |packed| difference(&packed, views.palette())),
+            palette: match (palette(field), views.palette()) {
+                (Ok(found), Some(expected)) => difference(&found, expected),
+                _ => 1.0,
+            },
         }
     }
 }

@@ -391,16 +391,10 @@ impl PlenOctree {
     /// Returns the lowest and the highest corner of the box around most of the field, in the field's frame, or `None`
     /// if the field is empty.
     ///
-    /// Along each axis, 0.5% of the leaves at either end are left out. These are mostly floaters, which are artifacts
-    /// of training. A leaf counts as one, whatever its size and density, so of a field with large leaves, more of the
-    /// volume may be left out. Use this box to point a camera at the field.
+    /// Along each axis, 0.5% of the field at either end is left out. This is mostly floaters, which are artifacts of
+    /// training. Leaves that would get a label if they were seen alone count by their area, as large ones may be all of
+    /// a surface, and fainter ones as one. Use this box to point a camera at the field.
     pub fn dense_bounds(&self) -> Option<(DVec3, DVec3)> {
-        self.bounds_of_most(|_| 1)
-    }
-
-    /// Returns the box around most of the field, in which leaves have weights. At either end of each axis, 0.5% of all
-    /// weight is left out.
-    pub(crate) fn bounds_of_most(&self, weight: impl Fn(LeafCell) -> u64) -> Option<(DVec3, DVec3)> {
         if self.leaves() == 0 {
             return None;
         }
@@ -409,7 +403,7 @@ impl PlenOctree {
         let mut counts = [[(); 2]; 3].map(|axis| axis.map(|()| vec![0u64; places]));
         let mut total = 0;
         for cell in self.leaf_cells() {
-            let (LeafCell { corner, size, .. }, weight) = (cell, weight(cell));
+            let (LeafCell { corner, size, .. }, weight) = (cell, self.weight(cell));
             total += weight;
             for (axis, [starts, ends]) in counts.iter_mut().enumerate() {
                 starts[corner[axis] as usize] += weight;
@@ -426,6 +420,15 @@ impl PlenOctree {
         let (low, high) = (DVec3::new(x.0, y.0, z.0), DVec3::new(x.1, y.1, z.1));
         let cells = f64::from(1u32 << self.depth);
         Some((self.frame.to_world(low / cells), self.frame.to_world(high / cells)))
+    }
+
+    /// Returns how much a leaf counts in [`Self::dense_bounds`].
+    fn weight(&self, cell: LeafCell) -> u64 {
+        /// Where pixels get labels, by default.
+        const LABELED: f64 = 80.0 / 255.0;
+        let width = f64::from(cell.size) / f64::from(self.depth).exp2() / self.frame.scale.max_element();
+        let opacity = -(-f64::from(self.densities[cell.leaf as usize]) * width).exp_m1();
+        if opacity < LABELED { 1 } else { u64::from(cell.size).pow(2) }
     }
 
     /// Returns the point on which the field stands: the middle of the lowest face of [`Self::dense_bounds`]. Returns

@@ -63,7 +63,7 @@ pub(super) fn least_step(colors: &[[f32; 3]], unit: f32) -> f32 {
 pub(super) fn quantize(colors: &[[f32; 3]], seen: &[Seen], step: f32, bits: f32) -> Vec<[i16; 3]> {
     let mut before = [0i32; 3];
     let of_leaf = |(color, seen): (&[f32; 3], &Seen)| {
-        let [red, green, blue] = seen.channels;
+        let [red, green, blue] = seen.colors;
         let weights = [red + green + blue, red + blue, red + green + blue];
         for (part, weight) in weights.into_iter().enumerate() {
             let (low, high) = COLOR_RANGES[part];

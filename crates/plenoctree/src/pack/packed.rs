@@ -76,7 +76,8 @@ impl Packed {
         settings.validate()?;
         let found = field.frame();
         check_frame(["offset", "scale"], found).map_err(|_| PackError::Frame { found })?;
-        let Visibility { leaves: mut seen, directions } = visibility(field, settings.below.into(), progress)?;
+        let inside = settings.hidden == 0.0;
+        let Visibility { leaves: mut seen, directions } = visibility(field, settings.below.into(), inside, progress)?;
         let hidden = least(field, &seen, settings.hidden);
         let kept = field.retain(|leaf| seen[leaf as usize].most >= hidden);
         seen.retain(|seen| seen.most >= hidden);
@@ -86,7 +87,7 @@ impl Packed {
         let metric = Metric::new(&directions, field.basis().functions());
         let recorded = match settings.record_histograms {
             true => field.clone().recording_histograms(progress)?.recorded().cloned(),
-            false => None,
+            false => field.recorded().cloned(),
         };
         let quantized = Quantized { recorded, ..quantize(&kept, seen, &metric, settings, progress)? };
         let (bytes, sections) = quantized.encode()?;
@@ -161,7 +162,7 @@ fn quantize(
     // Opacity matters as much as the contrast between a leaf and what is behind it, in all channels.
     let slope = settings.slope(field);
     let opacity_bits = settings.bits(1.0) * 3.0 * CONTRAST * CONTRAST * slope * slope / mean;
-    let (densities, levels) = density::quantize(field, &seen, settings.density_levels, opacity_bits);
+    let (densities, levels) = density::quantize(field, &seen, settings.density_levels, opacity_bits, progress)?;
     let ([luma, chroma], table_step) = books(field, &seen, metric, settings, progress)?;
     let rows: Vec<[u16; 2]> = luma.rows.into_iter().zip(chroma.rows).map(|(luma, chroma)| [luma, chroma]).collect();
     let tables = Tables { color_step: 0.0, table_step, luma: luma.table, chroma: chroma.table };
@@ -224,13 +225,15 @@ fn books(
     Ok(([of_luma.finished(&luma, step, progress)?, of_chroma.finished(&chroma, step, progress)?], step))
 }
 
-/// Scales the weights of channels so that their mean over all leaves is 1, and returns the previous mean.
+/// Scales the weights of colors so that their mean over all leaves is 1, and those of channels the same. Returns the
+/// previous mean.
 fn normalize(seen: &mut [Seen]) -> f32 {
-    let sum: f64 = seen.iter().flat_map(|seen| seen.channels).map(f64::from).sum();
+    let sum: f64 = seen.iter().flat_map(|seen| seen.colors).map(f64::from).sum();
     let mean = sum / (3 * seen.len()).max(1) as f64;
     if mean > 0.0 {
+        let scaled = |weight: f32| (f64::from(weight) / mean) as f32;
         for seen in seen {
-            seen.channels = seen.channels.map(|weight| (f64::from(weight) / mean) as f32);
+            (seen.channels, seen.colors) = (seen.channels.map(scaled), seen.colors.map(scaled));
         }
     }
     mean.max(f64::from(f32::MIN_POSITIVE)) as f32

@@ -24,8 +24,8 @@ use crate::{
 )]
 pub struct PackSettings {
     /// Opacity, 0 to 1, that a leaf must add to a ray from outside to be kept. While the leaves that are dropped would
-    /// add more than 0.05 to rays side by side, as in a fog, a quarter of it is used instead. 0 keeps all leaves, for
-    /// fields that are also seen from inside.
+    /// add more than 0.05 to rays side by side, as in a fog, a quarter of it is used instead. 0 keeps all leaves, and
+    /// the colors of those that are hidden from outside, for fields that are also seen from inside.
     pub hidden: f32,
     /// Weight of views from below the horizon, relative to others. 0 to 1.
     pub below: f32,
@@ -47,7 +47,7 @@ pub struct PackSettings {
     /// Whether the file records the [histograms](PlenOctree::histograms) of the field. Fitted palettes and those of
     /// hulls that are extracted from the packed field then equal those of the field, and nothing is sampled when a game
     /// extracts them. Tones, which are fitted to views of the packed field, are nearly the same. False by default:
-    /// palettes are extracted from what is drawn.
+    /// palettes are extracted from what is drawn, unless the field already records histograms, as it keeps them.
     pub record_histograms: bool,
 }
 

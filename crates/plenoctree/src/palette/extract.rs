@@ -38,6 +38,9 @@ pub struct ExtractionReport {
     /// How far the fine histogram's colors are from their labels, with the settings' `blend_steps`, or
     /// without blends if the method is [`PaletteMethod::Tones`].
     pub errors: ColorErrors,
+    /// What [`ColorCount::Auto`] keeps within its tolerance: the root mean square of `errors` or, if the method is
+    /// [`PaletteMethod::Tones`], the largest of it and those of what is seen, in color and in hue.
+    pub largest_error: f64,
     /// K: number of clusters. `None` unless the method is [`PaletteMethod::Hull`].
     pub clusters: Option<usize>,
     /// Number of corners of the clusters' convex hull, before it was simplified. `None` unless the method is
@@ -140,6 +143,7 @@ pub fn extract_from_samples(
     settings.validate()?;
     let mut seconds = ExtractionTimes::default();
     let (mut clusters, mut hull_vertices) = (None, None);
+    let mut salient = 0.0;
     let start = Instant::now();
     let palette = match settings.method {
         PaletteMethod::Hull => {
@@ -179,8 +183,7 @@ pub fn extract_from_samples(
                     // Labels are assigned by method.
                     let palette = Palette { method: Some(settings.method), ..palette.clone() };
                     let errors = ColorErrors::of_labels_unless_canceled(histograms, &palette, 1, progress)?;
-                    let salient = tones::salient_errors(points, &palette);
-                    Ok(errors.rmse.max(salient.rmse).max(salient.hue) <= tolerance)
+                    Ok(errors.rmse.max(tones::salient_error(points, &palette)) <= tolerance)
                 }
             };
             let palette = match settings.colors {
@@ -190,15 +193,19 @@ pub fn extract_from_samples(
             };
             let mut palette = palette.ok_or(ExtractionError::NothingVisible)?;
             palette.ramps = palette.ramps_in_views(views);
+            // Labels are assigned by method.
+            salient = tones::salient_error(&points, &Palette { method: Some(settings.method), ..palette.clone() });
             seconds.fitting = start.elapsed().as_secs_f64();
             palette
         }
     };
     let palette = Palette { method: Some(settings.method), ..palette };
+    let errors = ColorErrors::of_labels_unless_canceled(histograms, &palette, settings.steps(), progress)?;
     let report = ExtractionReport {
         radiance_samples: histograms.samples(),
         total_weight: histograms.total_weight(),
-        errors: ColorErrors::of_labels_unless_canceled(histograms, &palette, settings.steps(), progress)?,
+        errors,
+        largest_error: errors.rmse.max(salient),
         clusters,
         hull_vertices,
         seconds,
@@ -294,6 +301,18 @@ mod tests {
         settings: &ExtractionSettings,
     ) -> Result<Extraction, ExtractionError> {
         extract_from_samples(histograms, &[], settings, &Progress::default())
+    }
+
+    /// Tones may be near to nearly all of the weight, and far from rare colors, which also count.
+    #[test]
+    fn rare_colors_count_in_the_largest_error() {
+        let (mut fine, mut coarse) = (vec![1.0; 32 * 32 * 32], vec![64.0; 8 * 8 * 8]);
+        fine[(16 * 32 + 16) * 32 + 16] = 1e8;
+        coarse[(4 * 8 + 4) * 8 + 4] = 1e8;
+        let histograms = Histograms::new(32, fine, 8, coarse, 0).unwrap();
+        let settings = ExtractionSettings { colors: ColorCount::Auto { tolerance: 0.005 }, ..Default::default() };
+        let report = extract_from_histograms(&histograms, &settings).unwrap().report;
+        assert!(report.errors.rmse < 0.005 && report.largest_error > 0.005, "{report:?}");
     }
 
     /// Returns histograms with 24 and 8 bins per channel, so that centers of coarse bins are also centers of fine bins.

@@ -9,10 +9,7 @@ use super::{
     directions::observers,
     progress::{Canceled, Progress},
 };
-use crate::{
-    field::{LeafCell, PlenOctree},
-    histograms::SamplingSettings,
-};
+use crate::{field::PlenOctree, histograms::SamplingSettings};
 
 /// The most cells of directions from the horizon to the top: 256 views of a hemisphere.
 const MOST_DIRECTIONS: usize = 8;
@@ -37,7 +34,7 @@ impl ViewRays {
     /// Returns the rays from every direction from which the settings sample a field, or none if it is empty. More than
     /// eight cells of directions count as eight, because more views take gigabytes and show little more.
     pub fn all(field: &PlenOctree, settings: &SamplingSettings) -> Vec<Self> {
-        let Some((low, high)) = field.bounds_of_most(|cell| weight(field, cell)) else { return Vec::new() };
+        let Some((low, high)) = field.dense_bounds() else { return Vec::new() };
         let (center, radius) = (0.5 * (low + high), 0.5 * low.distance(high));
         let step = 2.0 * radius / Self::SIDE as f64;
         let directions = settings.directions.min(MOST_DIRECTIONS);
@@ -50,14 +47,6 @@ impl ViewRays {
         };
         observers(field.up(), &settings).into_iter().flatten().map(rays).collect()
     }
-}
-
-/// Returns how much a leaf counts for the part of a field that views show: leaves that are seen alone by their area, as
-/// large ones may be all of a surface, and others as one.
-fn weight(field: &PlenOctree, cell: LeafCell) -> u64 {
-    let width = f64::from(cell.size) / f64::from(field.depth()).exp2() / field.frame().scale.max_element();
-    let opacity = -(-f64::from(field.densities()[cell.leaf as usize]) * width).exp_m1();
-    if opacity < f64::from(SEEN) { 1 } else { u64::from(cell.size).pow(2) }
 }
 
 /// What [rays](ViewRays) see of a field.

@@ -24,6 +24,12 @@ const DIRECTIONS: [u32; 2] = [72, 288];
 const HIDDEN: f64 = 1e-3;
 /// Opacity that a leaf must add to a ray so that its color counts.
 const FAINT: f64 = 1e-4;
+/// Transmittance that leaves have at least if they may also be seen from inside: an observer there sees them from some
+/// of the directions in which others hide them from outside.
+const INSIDE: f64 = 0.5;
+/// The least slope of the activation that counts for colors, relative to the steepest one. Without it, the colors of
+/// saturated leaves would not matter at all, and any other would replace them.
+const LEAST_SLOPE: f64 = 0.08;
 
 /// The visibility of a leaf to observers in all directions.
 ///
@@ -35,9 +41,11 @@ pub(crate) struct Seen {
     pub most: f32,
     /// Mean of `T^2`: a pixel's squared error per squared error of opacity.
     pub depth: f32,
-    /// Mean of `(T a)^2 s^2` for each channel, where `s` is the slope of the activation: a pixel's squared error per
-    /// squared error of the channel's sum of harmonics.
+    /// Mean of `(T a)^2 s^2` for each channel, where `s` is the [`slope`] of the activation: a pixel's squared error
+    /// per squared error of the channel's sum of harmonics.
     pub channels: [f32; 3],
+    /// The same for errors that may be large: `s` is at least [`LEAST_SLOPE`].
+    pub colors: [f32; 3],
     /// The contribution of each direction to the sum of `channels`: of the first ones, or zeros for them and then of
     /// the second ones. Empty if the leaf is not visible.
     pub views: Vec<f16>,
@@ -59,8 +67,15 @@ pub(crate) struct Visibility {
 
 /// Measures the visibility of each leaf, on all cores. The result does not depend on their number.
 ///
-/// Views from below the horizon are weighted by `below`, except for [`Seen::most`].
-pub(crate) fn visibility(field: &PlenOctree, below: f64, progress: &Progress) -> Result<Visibility, Canceled> {
+/// Views from below the horizon are weighted by `below`, except for [`Seen::most`]. If the field is also seen from
+/// `inside`, no leaf is hidden.
+pub(crate) fn visibility(
+    field: &PlenOctree,
+    below: f64,
+    inside: bool,
+    progress: &Progress,
+) -> Result<Visibility, Canceled> {
+    let least = if inside { INSIDE } else { 0.0 };
     let settings = SamplingSettings::default();
     // Leaves do not hide themselves.
     let mut sampler = Sampler::new(field, &settings, SamplePoint::Entry, Blocks::new(field, progress)?, progress)?;
@@ -78,7 +93,7 @@ pub(crate) fn visibility(field: &PlenOctree, below: f64, progress: &Progress) ->
         let before = directions.len();
         let units = sampler.units(&hidden)?.into_par_iter();
         let seen: Vec<Vec<(usize, Seen)>> =
-            units.map(|unit| of_unit(&sampler, &unit, before, &counts)).collect::<Result<_, _>>()?;
+            units.map(|unit| of_unit(&sampler, &unit, before, &counts, least)).collect::<Result<_, _>>()?;
         seen.into_iter().flatten().for_each(|(leaf, seen)| leaves[leaf] = seen);
         hidden.retain(|cell| leaves[cell.leaf as usize].most == 0.0);
         directions.extend(sampler.cells.iter().flatten().map(|ray| ray.basis.map(|y| y as f32)));
@@ -87,8 +102,14 @@ pub(crate) fn visibility(field: &PlenOctree, below: f64, progress: &Progress) ->
 }
 
 /// Returns the visibility of the leaves of a unit, in all directions but the first, `before` of them. `counts` are the
-/// weights of the views in each direction.
-fn of_unit(sampler: &Sampler, unit: &Unit, before: usize, counts: &[f64]) -> Result<Vec<(usize, Seen)>, Canceled> {
+/// weights of the views in each direction, and `least` is the least transmittance.
+fn of_unit(
+    sampler: &Sampler,
+    unit: &Unit,
+    before: usize,
+    counts: &[f64],
+    least: f64,
+) -> Result<Vec<(usize, Seen)>, Canceled> {
     sampler.progress.check()?;
     let field = sampler.field;
     let limit = -HIDDEN.ln();
@@ -105,8 +126,8 @@ fn of_unit(sampler: &Sampler, unit: &Unit, before: usize, counts: &[f64]) -> Res
                 sampler.progress.check()?;
                 sampler.march(blocks, unit, ray, limit, &mut depths);
                 for (leaf, tally) in unit.leaves.iter().zip(&mut tallies) {
-                    let depth = depths[leaf.row][leaf.lane].into();
-                    tally.add(field, depth, ray.half(leaf.size), &ray.basis, *count);
+                    let transmittance = f64::from(-depths[leaf.row][leaf.lane]).exp().max(least);
+                    tally.add(field, transmittance, ray.half(leaf.size), &ray.basis, *count);
                 }
             }
         }
@@ -115,13 +136,13 @@ fn of_unit(sampler: &Sampler, unit: &Unit, before: usize, counts: &[f64]) -> Res
             for (ray, count) in rays().zip(counts) {
                 sampler.progress.check()?;
                 let depth = optical_depth(field, *leaf, ray.direction, SamplePoint::Entry, limit);
-                tally.add(field, depth, ray.half(leaf.size), &ray.basis, *count);
+                tally.add(field, (-depth).exp().max(least), ray.half(leaf.size), &ray.basis, *count);
             }
             tallies = vec![tally];
         }
     }
     sampler.progress.advance(tallies.len());
-    Ok(tallies.into_iter().map(|tally| (tally.leaf, tally.finish(count))).collect())
+    Ok(tallies.into_iter().map(|tally| (tally.leaf, tally.finish(count, field.activation()))).collect())
 }
 
 /// The sums for a leaf so far.
@@ -133,6 +154,8 @@ struct Tally {
     most: f64,
     depth: f64,
     channels: [f64; 3],
+    /// Of `(T a)^2`.
+    whole: f64,
     /// The contribution of each direction to the sum of `channels`.
     views: Vec<f64>,
 }
@@ -146,15 +169,15 @@ impl Tally {
             most: 0.0,
             depth: 0.0,
             channels: [0.0; 3],
+            whole: 0.0,
             views: vec![0.0; before],
         }
     }
 
-    /// Adds an observer who sees the leaf through an optical `depth`, and the halves of whose path through the leaf are
-    /// `half` long. `y` are the basis functions of the view, and `count` is its weight.
-    fn add(&mut self, field: &PlenOctree, depth: f64, half: f64, y: &[f64; 25], count: f64) {
+    /// Adds an observer whose ray reaches the leaf with a `transmittance`, and the halves of whose path through the
+    /// leaf are `half` long. `y` are the basis functions of the view, and `count` is its weight.
+    fn add(&mut self, field: &PlenOctree, transmittance: f64, half: f64, y: &[f64; 25], count: f64) {
         self.views.push(0.0);
-        let transmittance = (-depth).exp();
         if transmittance < HIDDEN {
             return;
         }
@@ -165,6 +188,7 @@ impl Tally {
         if weight < FAINT {
             return;
         }
+        self.whole += count * weight * weight;
         let sums = field.stored().sums(field.basis(), self.leaf, y);
         let squared = sums.map(|x| count * (weight * slope(field.activation(), x)).powi(2));
         for (total, squared) in self.channels.iter_mut().zip(squared) {
@@ -175,7 +199,8 @@ impl Tally {
         }
     }
 
-    fn finish(self, directions: f64) -> Seen {
+    fn finish(self, directions: f64, activation: Activation) -> Seen {
+        let steepest = slope(activation, 0.0);
         let mean = |sum: f64| (sum * self.area / directions) as f32;
         let total = self.views.iter().sum::<f64>();
         let views = if total > 0.0 { &self.views[..] } else { &[] };
@@ -183,20 +208,23 @@ impl Tally {
             most: self.most as f32,
             depth: mean(self.depth),
             channels: self.channels.map(mean),
+            colors: self.channels.map(|sum| mean(sum.max(self.whole * (LEAST_SLOPE * steepest).powi(2)))),
             views: views.iter().map(|view| f16::from_f64(view / total)).collect(),
         }
     }
 }
 
-/// Returns the derivative of the activation.
+/// Returns the change of radiance per change of the sum: the derivative of the activation, except for sums a little below
+/// those that a ReLU cuts off, which errors may raise above them.
 fn slope(activation: Activation, x: f64) -> f64 {
     match activation {
         Activation::Sigmoid => {
             let radiance = activation.apply(x);
             radiance * (1.0 - radiance)
         }
-        Activation::ShiftedRelu if x < -0.5 => 0.0,
-        Activation::ShiftedRelu | Activation::Identity => 1.0,
+        // Falls from 1 at -0.5.
+        Activation::ShiftedRelu => (2.0 * x + 2.0).clamp(0.0, 1.0),
+        Activation::Identity => 1.0,
     }
 }
 
@@ -217,7 +245,7 @@ mod tests {
             bake(&settings, inside, |_| |_| DVec3::splat(0.5)).unwrap()
         };
         let field = ball(1000.0);
-        let all = visibility(&field, 1.0, &Progress::default()).unwrap();
+        let all = visibility(&field, 1.0, false, &Progress::default()).unwrap();
         let cells = f64::from(1u32 << field.depth());
         for (cell, seen) in field.leaf_cells().zip(&all.leaves) {
             let center = field.frame().to_world((cell.corner.as_dvec3() + 0.5) / cells);
@@ -240,7 +268,7 @@ mod tests {
         }
         let haze = ball(0.01);
         let width = 2.0 / 64.0;
-        for seen in visibility(&haze, 1.0, &Progress::default()).unwrap().leaves {
+        for seen in visibility(&haze, 1.0, false, &Progress::default()).unwrap().leaves {
             // The longest path through a cell is its diagonal.
             assert!(seen.most > 0.008 * width && seen.most < 0.01 * 1.8 * width, "{seen:?}");
         }
@@ -253,7 +281,7 @@ mod tests {
         let field = bake(&settings, |at| 20.0 * at.x.max(0.0), tint).unwrap();
         let on = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| visibility(&field, 0.5, &Progress::default())).unwrap().leaves
+            pool.install(|| visibility(&field, 0.5, false, &Progress::default())).unwrap().leaves
         };
         assert_eq!(on(1), on(4));
     }

@@ -6,9 +6,10 @@ mod sections;
 use std::io::Cursor;
 
 use glam::{DVec2, DVec3};
+use half::f16;
 use plenoctree::{
-    Activation, BakeSettings, Basis, LoadSettings, PackSettings, Packed, PlenOctree, ReadError, ReadFault, UpAxis,
-    bake,
+    Activation, BakeSettings, Basis, Cell, LoadSettings, PackSettings, Packed, PlenOctree, ReadError, ReadFault,
+    UpAxis, bake,
     camera::PinholeCamera,
     palette::{ColorCount, Extraction, ExtractionSettings, PaletteMethod, extract},
     reference::render,
@@ -81,7 +82,8 @@ fn packed_fields_come_back() {
             assert!((found - expected).abs() <= 1e-13 * expected);
         }
         assert_eq!(pack(&field, &PackSettings::default()).field().histograms(&settings), None);
-        assert_eq!(pack(&again, &PackSettings::default()).field().histograms(&settings), None);
+        // What a field records stays when it is packed again.
+        assert_eq!(pack(&again, &PackSettings::default()).field().histograms(&settings), Some(recorded));
         assert_eq!((again.basis(), again.up(), again.frame()), (basis, UpAxis::Y, field.frame()));
         assert_eq!(again.leaves(), packed.field().leaves());
         // Packed again, with every number already a multiple of its step.
@@ -194,6 +196,118 @@ fn finer_steps_are_never_worse() {
     let packed = pack(&bright, &PackSettings { color_step: 1e-4, ..PackSettings::FINE });
     let color = packed.field().render_ray(DVec3::new(0.1, 0.1, -2.0), DVec3::Z).0;
     assert!((color - DVec3::new(15.0, 14.0, 13.0)).abs().max_element() < 0.1, "{color}");
+}
+
+/// Returns a field with a root whose cells are empty but for these leaves, and a leaf in the corner that is `depth`
+/// levels deep. Leaves are the index of a root's cell, a density, and a color before the activation.
+fn coarse(depth: u32, activation: Activation, leaves: &[(usize, f32, [f32; 3])], speck: f32) -> PlenOctree {
+    let mut nodes = vec![[Cell::EMPTY; 8]; depth as usize];
+    let (mut densities, mut coefficients) = (Vec::new(), Vec::new());
+    let mut leaf = |density: f32, color: [f32; 3]| {
+        densities.push(density);
+        coefficients.extend(color.map(|channel| f16::from_f32(channel / 0.282_094_8)));
+        Cell::leaf(densities.len() as u32 - 1)
+    };
+    for (cell, density, color) in leaves {
+        nodes[0][*cell] = leaf(*density, *color);
+    }
+    for level in 1..nodes.len() {
+        nodes[level - 1][7] = Cell::node(level as u32);
+    }
+    let last = nodes.len() - 1;
+    nodes[last][7] = leaf(speck, [0.0; 3]);
+    let frame = plenoctree::Frame { offset: DVec3::splat(0.5), scale: DVec3::splat(0.5) };
+    PlenOctree::new(frame, Basis::Sh1, activation, UpAxis::Z, nodes, densities, coefficients).unwrap()
+}
+
+/// Colors of saturated leaves stay, also next to others whose colors matter more.
+#[test]
+fn saturated_colors_are_kept() {
+    let colors = |black: f64, white: f64, activation: Activation| {
+        let settings = BakeSettings { depth: 5, basis: Basis::Sh1, directions: 8, ..Default::default() };
+        // Found again by their radiance, as bakes only write what a sigmoid reaches.
+        let level = |at: DVec3| match at.x < 0.0 {
+            true => 0.4 + 0.05 * f64::from((at.y * 16.0).floor() as i32 % 3),
+            false if (at.y * 8.0).floor() as i32 % 2 == 0 => 0.8,
+            false => 0.2,
+        };
+        let plate = |at: DVec3| if at.z.abs() < 0.06 { 2000.0 } else { 0.0 };
+        let baked = bake(&settings, plate, |at| move |_| DVec3::splat(level(at))).unwrap();
+        let to = |k: &f16| {
+            let sum = f64::from(k.to_f32()) * 0.282_094_8;
+            let radiance = baked.activation().apply(sum);
+            let sum = if radiance > 0.7 {
+                white
+            } else if radiance < 0.3 {
+                black
+            } else {
+                sum
+            };
+            f16::from_f64(sum / 0.282_094_8)
+        };
+        let coefficients = baked.coefficients().iter().map(to).collect();
+        let (nodes, densities) = (baked.nodes().to_vec(), baked.densities().to_vec());
+        PlenOctree::new(baked.frame(), Basis::Sh1, activation, UpAxis::Z, nodes, densities, coefficients).unwrap()
+    };
+    for field in [colors(-7.0, 7.0, Activation::Sigmoid), colors(-0.9, 0.5, Activation::ShiftedRelu)] {
+        let packed = pack(&field, &PackSettings::default());
+        let psnr = psnr(&field, packed.field());
+        assert!(psnr > 40.0, "{:?}: {psnr}", field.activation());
+    }
+}
+
+/// What is only seen from inside keeps its colors if all leaves are to be kept.
+#[test]
+fn rooms_keep_their_colors() {
+    let settings = BakeSettings { depth: 5, basis: Basis::Sh4, directions: 64, ..Default::default() };
+    let wall = |at: DVec3| at.abs().max_element();
+    let radiance = |at: DVec3| {
+        let is_odd = (at * 4.0).floor().element_sum() as i32 % 2 != 0;
+        let inside = if is_odd { DVec3::new(0.85, 0.15, 0.15) } else { DVec3::new(0.15, 0.15, 0.85) };
+        let base = if wall(at) > 0.87 { DVec3::splat(0.5) } else { inside };
+        move |direction: DVec3| base + 0.1 * direction.x
+    };
+    let field = bake(&settings, |at| if wall(at) > 0.75 { 2000.0 } else { 0.0 }, radiance).unwrap();
+    let packed = pack(&field, &PackSettings { hidden: 0.0, ..Default::default() });
+    let squares = [DVec3::X, DVec3::NEG_Y, DVec3::new(0.5, 0.4, 0.2), DVec3::new(-0.3, 0.2, -0.9)].map(|along| {
+        let camera = PinholeCamera::new(32, 32, 1.2, glam::DMat4::IDENTITY).looking_at(DVec3::ZERO, along, DVec3::Z);
+        let [a, b] = [&field, packed.field()].map(|field| render(field, &camera).color);
+        a.iter().zip(&b).map(|(a, b)| a.distance_squared(*b)).sum::<f64>()
+    });
+    let psnr = -10.0 * f64::log10(squares.iter().sum::<f64>() / (4.0 * 3.0 * 32.0 * 32.0));
+    assert!(psnr > 35.0, "{psnr}");
+}
+
+/// Large faint leaves keep their opacity beside a small one that is as dense as can be.
+#[test]
+fn large_leaves_keep_their_opacity() {
+    let densities = [0.15, 0.3, 0.5, 0.7, 1.0, 1.5];
+    let leaves: Vec<_> = densities.into_iter().zip(0..).map(|(density, cell)| (cell, density, [0.5; 3])).collect();
+    let field = coarse(9, Activation::Sigmoid, &leaves, 20000.0);
+    for settings in [PackSettings::BALANCED, PackSettings::FINE] {
+        let packed = pack(&field, &settings);
+        for (found, expected) in packed.field().densities().iter().zip(densities) {
+            let [found, expected] = [found, &expected].map(|density| 1.0 - (-density).exp());
+            assert!((found - expected).abs() < 0.01, "{found}, not {expected}");
+        }
+    }
+}
+
+/// Cameras frame a large leaf, not the many small ones beside it.
+#[test]
+fn cameras_frame_large_leaves() {
+    let settings = BakeSettings { depth: 5, basis: Basis::Rgba, directions: 8, ..Default::default() };
+    let speck = |at: DVec3| if at.min_element() > 0.5 { 50.0 } else { 0.0 };
+    let speck = bake(&settings, speck, |_| |_| DVec3::ONE).unwrap();
+    let mut nodes = speck.nodes().to_vec();
+    let mut densities = speck.densities().to_vec();
+    nodes[0][0] = Cell::leaf(densities.len() as u32);
+    densities.push(50.0);
+    let coefficients = vec![f16::ONE; 3 * densities.len()];
+    let field =
+        PlenOctree::new(speck.frame(), Basis::Rgba, Activation::Identity, UpAxis::Z, nodes, densities, coefficients);
+    let (low, high) = field.unwrap().dense_bounds().unwrap();
+    assert_eq!((low, high), (DVec3::NEG_ONE, DVec3::ONE));
 }
 
 /// The inside of a ball is dropped, except if all leaves are to be kept.
@@ -456,8 +570,13 @@ fn implausible_sizes_are_rejected() {
     assert_rejected(Basis::Sh4, zeros, "expected a plausible size");
     // An even fog, eight levels deep, has so many leaves and nodes, in a file as small.
     assert_rejected(Basis::Sh4, claim(((1 << 24) - 1) / 7, 1 << 24), "TREE: found");
+    // Sections that are plausible alone, but have more than the leaves can take.
+    for name in ["LEVL", "BASE", "BOOK", "ROWS", "BINS"] {
+        let long = |sections: &mut Sections| *sections.get(name) = vec![0; 4 << 20];
+        assert_rejected(Basis::Sh4, long, &format!("{name}: found 4194304 bytes of content, expected at most"));
+    }
     let raw = |sections: &mut Sections| sections.claimed = Some(("BASE", u64::MAX));
-    assert_rejected(Basis::Sh4, raw, "BASE: found 18446744073709551615 bytes deflated to");
+    assert_rejected(Basis::Sh4, raw, "BASE: found 18446744073709551615 bytes of content, expected at most");
 }
 
 proptest! {

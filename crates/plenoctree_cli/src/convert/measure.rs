@@ -7,6 +7,8 @@ use plenoctree::{PlenOctree, camera::PinholeCamera, reference::render};
 use plenoctree_fit::{Comparison, Shot, splat::SplatImage};
 use serde_json::{Value, json};
 
+use crate::number::decibels;
+
 /// The backgrounds of both.
 const BACKGROUNDS: [(&str, DVec3); 2] = [("white", DVec3::ONE), ("black", DVec3::ZERO)];
 /// Opacity below which a pixel shows nothing.
@@ -120,11 +122,6 @@ impl Pictures {
         };
         Compared { psnr: [mean(0), mean(1)], views, shown, previews }
     }
-}
-
-/// Converts a mean squared error.
-fn decibels(mean_squared: f64) -> f64 {
-    -10.0 * mean_squared.max(1e-10).log10()
 }
 
 impl Measured {

@@ -170,7 +170,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let mut shift = DVec3::ZERO;
     if arguments.stand {
         shift = -field.foot().unwrap_or_default();
-        field = field.shifted(shift)?;
+        field = field.shifted(shift).map_err(|error| format!("{}: {error}", path.display()))?;
     }
 
     let start = Instant::now();

@@ -43,7 +43,7 @@ pub fn extract(
 /// Warns if a palette has the largest number of colors and still a larger error than the settings ask for. `path` is
 /// the file that the palette is extracted from.
 pub fn warn_of_error(path: &Path, settings: &ExtractionSettings, extraction: &Extraction) {
-    let error = extraction.report.errors.rmse;
+    let error = extraction.report.largest_error;
     if let ColorCount::Auto { tolerance } = settings.colors
         && error > tolerance
     {

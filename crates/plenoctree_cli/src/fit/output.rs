@@ -6,7 +6,7 @@ use std::{
 };
 
 use image::RgbImage;
-use plenoctree::{PackSettings, PlenOctree, palette::Palette};
+use plenoctree::{PackError, PackSettings, Packed, PlenOctree, palette::Palette};
 use plenoctree_fit::Comparison;
 use serde_json::{Value, json};
 
@@ -52,7 +52,7 @@ pub fn palette(out: &Path, field: &PlenOctree, arguments: &ExtractionArguments) 
 
 /// Writes the field, its palette, previews of the held-out views, and the report. Another palette that is there is kept
 /// under another name. If that fails, nothing incomplete is left. Returns the number of leaves in the file: packing
-/// leaves out hidden ones.
+/// leaves out hidden ones. A field that cannot be packed is written as it is, next to the output.
 pub fn write(
     out: &Path,
     field: &PlenOctree,
@@ -75,13 +75,27 @@ fn write_all(
     report: &Value,
 ) -> Result<usize> {
     let (views, targets) = (views(out), targets(out));
+    let packed = match is_packed(out).then(|| packed(out, field)) {
+        Some(Err(error)) => {
+            let unpacked = out.with_extension("npz");
+            if unpacked.exists() {
+                return Err(format!("{}: {error}", out.display()).into());
+            }
+            console::complain!(
+                "warning: {}: not packed: {error}; written to {} instead",
+                out.display(),
+                unpacked.display()
+            );
+            return write(&unpacked, field, palette, previews, report);
+        }
+        Some(Ok(packed)) => Some(packed),
+        None => None,
+    };
     pack::warn_of_density(out, field);
     let field_file = partial(&targets[0]);
-    let (leaves, psnr, written) = if is_packed(out) {
-        let packed = pack::pack_unchanged(field, &PackSettings::default())?;
-        (packed.field().leaves(), pack::psnr(field, packed.field()), packed.write(&field_file))
-    } else {
-        (field.leaves(), None, field.write(&field_file))
+    let (leaves, psnr, written) = match &packed {
+        Some(packed) => (packed.field().leaves(), pack::psnr(field, packed.field()), packed.write(&field_file)),
+        None => (field.leaves(), None, field.write(&field_file)),
     };
     written.map_err(|error| format!("{}: {error}", out.display()))?;
     if let Some(psnr) = psnr {
@@ -90,7 +104,7 @@ fn write_all(
     let mut report = report.clone();
     report["field"] = identity(out, &field_file);
     // The rest of the report, and the previews, are about the field before it is packed.
-    report["written"] = json!({ "leaves": leaves, "packed": is_packed(out), "packed_psnr_db": psnr });
+    report["written"] = json!({ "leaves": leaves, "packed": packed.is_some(), "packed_psnr_db": psnr });
     let names = preview_names(previews.iter().map(|preview| &*preview.name));
     report[PREVIEWS] = json!(names);
     if let Some(palette) = palette {
@@ -124,6 +138,18 @@ fn write_all(
     }
     outdated.iter().for_each(|name| _ = fs::remove_file(views.join(name)));
     Ok(leaves)
+}
+
+/// Packs the field. One that is so faint that nothing would be left is packed with all of its leaves.
+fn packed(out: &Path, field: &PlenOctree) -> Result<Packed, PackError> {
+    let settings = PackSettings::default();
+    match pack::pack_unchanged(field, &settings) {
+        Err(error @ PackError::Faint { .. }) => {
+            console::complain!("warning: {}: {error}; all leaves are kept", out.display());
+            pack::pack_unchanged(field, &PackSettings { hidden: 0.0, ..settings })
+        }
+        packed => packed,
+    }
 }
 
 fn write_previews(folder: &Path, previews: &[Comparison], names: &[String]) -> Result {
@@ -380,6 +406,20 @@ mod tests {
         assert_eq!([&report("report.json.old")["of"], &report("report.json")["of"]], ["a", "b"]);
         assert!(out.is_symlink() && fs::read(&linked).unwrap() == fs::read(folder.join("a.npz")).unwrap());
         assert_eq!(fs::read_dir(folder.join("store")).unwrap().count(), 1);
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    /// A field of which packing would leave nothing is packed all the same. One that no packed file can hold is written
+    /// as it is.
+    #[test]
+    fn fields_that_cannot_be_packed_are_not_lost() {
+        let folder = folder("unpacked");
+        let out = folder.join("haze.plenoctree");
+        let (min, max) = (glam::DVec3::splat(-0.1), glam::DVec3::splat(0.1));
+        let settings = BakeSettings { depth: 2, min, max, basis: Basis::Rgba, directions: 8, ..Default::default() };
+        let haze = bake(&settings, |_| 0.02, |_| |_| glam::DVec3::ONE).unwrap();
+        assert_eq!(write(&out, &haze, None, &[], &json!({})).unwrap(), haze.leaves());
+        assert!(out.exists() && !folder.join("haze.npz").exists());
         fs::remove_dir_all(&folder).unwrap();
     }
 

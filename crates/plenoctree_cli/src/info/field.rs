@@ -7,7 +7,7 @@ use plenoctree::{PlenOctree, UpAxis, sampling::SamplingSettings};
 use serde_json::{Value, json};
 
 use super::report::{NONE, Report, size, table};
-use crate::{field, files, gpu_memory, result::Result};
+use crate::{field, files, gpu_memory, number::significant, result::Result};
 
 /// The lowest and the highest corner of a box.
 type Bounds = (DVec3, DVec3);
@@ -77,12 +77,16 @@ fn densities(field: &PlenOctree) -> Option<[f32; 3]> {
 }
 
 fn densities_text([min, median, max]: [f32; 3]) -> String {
-    format!("min {min:.4}, median {median:.4}, max {max:.4}")
+    let [min, median, max] = significant([min, median, max].map(f64::from));
+    format!("min {min}, median {median}, max {max}")
 }
 
 fn bounds_text(bounds: Option<Bounds>) -> String {
-    let corner = |corner: DVec3| format!("{:.4} {:.4} {:.4}", corner.x, corner.y, corner.z);
-    bounds.map_or(NONE.into(), |(low, high)| format!("{} to {}", corner(low), corner(high)))
+    let text = |(low, high): Bounds| {
+        let numbers = significant([low.x, low.y, low.z, high.x, high.y, high.z]);
+        format!("{} to {}", numbers[..3].join(" "), numbers[3..].join(" "))
+    };
+    bounds.map_or(NONE.into(), text)
 }
 
 fn bounds_json(bounds: Option<Bounds>) -> Value {

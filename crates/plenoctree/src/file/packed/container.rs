@@ -34,6 +34,8 @@ pub(super) struct Container<R> {
     reader: R,
     bytes: u64,
     sections: Vec<Section>,
+    /// Bytes of content that were read so far.
+    read: u64,
 }
 
 /// Returns the error for a section, or for the `header`.
@@ -87,7 +89,7 @@ impl<R: Read + Seek> Container<R> {
             let why = if start > bytes { "the file is truncated" } else { "something follows the field" };
             return Err(fault(HEADER, format!("{bytes} bytes"), format!("{start}: {why}")));
         }
-        Ok(Self { reader, bytes, sections })
+        Ok(Self { reader, bytes, sections, read: 0 })
     }
 
     /// Returns an error if `bytes` of memory are so many more than the file has that it was likely made to exhaust
@@ -118,9 +120,12 @@ impl<R: Read + Seek> Container<R> {
         self.section(name).map(|section| section.raw)
     }
 
-    /// Reads a section whose content may have any size.
-    pub fn read_all(&mut self, name: &'static str) -> Result<Vec<u8>, ReadFault> {
+    /// Reads a section whose content has at most `most` bytes.
+    pub fn read_up_to(&mut self, name: &'static str, most: u64) -> Result<Vec<u8>, ReadFault> {
         let length = self.size(name)?;
+        if length > most {
+            return Err(fault(name, format!("{length} bytes of content"), format!("at most {most}")));
+        }
         self.read(name, length)
     }
 
@@ -133,7 +138,8 @@ impl<R: Read + Seek> Container<R> {
         if length > size.saturating_mul(DEFLATE_RATIO) {
             return Err(fault(name, format!("{length} bytes deflated to {size}"), "a possible ratio"));
         }
-        self.check_room(name, length)?;
+        self.read = self.read.saturating_add(length);
+        self.check_room(name, self.read)?;
         self.reader.seek(SeekFrom::Start(start))?;
         // No more than the file has: the sections end where it ends.
         let mut stored = Vec::new();

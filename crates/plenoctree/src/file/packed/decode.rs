@@ -29,14 +29,20 @@ pub(in crate::file) fn read_packed(reader: impl Read + Seek) -> Result<PlenOctre
     let densities = head.densities(&mut file)?;
     let damaged = |section| fault(section, "damaged content", "that of the head");
     let shares = head.rows[0].count > 0;
-    let recorded = if file.has(BINS) { Some(histogram::read(&file.read_all(BINS)?)?) } else { None };
-    let [levels, colors, tables, rows] = [LEVELS, CONSTANTS, TABLE, ROWS].map(|section| file.read_all(section));
-    let (levels, colors, tables, rows) = (levels?, colors?, tables?, rows?);
+    let recorded = match file.has(BINS) {
+        true => Some(histogram::read(&file.read_up_to(BINS, histogram::MOST_BYTES)?)?),
+        false => None,
+    };
+    let others = head.basis.functions() - 1;
+    let numbers = others as u64 * (head.rows[0].count as u64 + 2 * head.rows[1].count as u64);
+    let levels = file.read_up_to(LEVELS, streams::most_bytes(leaves))?;
+    let colors = file.read_up_to(CONSTANTS, streams::most_bytes(3 * leaves))?;
+    let tables = file.read_up_to(TABLE, streams::most_bytes(numbers))?;
+    let rows = file.read_up_to(ROWS, streams::most_bytes(2 * leaves))?;
     let levels = streams::read_levels(&levels, head.leaves, head.densities).ok_or_else(|| damaged(LEVELS))?;
     let read_colors = || streams::read_colors(&colors, &levels, head.densities);
     let read_rows = || streams::read_rows(&rows, if shares { &levels } else { &[] }, head.densities, head.rows);
     let (colors, rows) = rayon::join(read_colors, read_rows);
-    let others = head.basis.functions() - 1;
     let tables = streams::read_tables(&tables, others, head.rows.map(|rows| rows.count));
     let [luma, chroma] = tables.ok_or_else(|| damaged(TABLE))?;
     let quantized = Quantized {

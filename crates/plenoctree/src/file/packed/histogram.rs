@@ -9,6 +9,9 @@ const SETTINGS: usize = 12;
 /// Bytes before the presence of the bins.
 const PREFIX: usize = SETTINGS + 8;
 
+/// The most bytes of the section, with 64 bins per channel.
+pub const MOST_BYTES: u64 = PREFIX as u64 + (64 * 64 * 64) / 8 + 8 * (64 * 64 * 64);
+
 /// Reads the section `BINS`.
 pub fn read(bytes: &[u8]) -> Result<Recorded, ReadFault> {
     let short = || fault(BINS, format!("{} bytes", bytes.len()), format!("at least {PREFIX}"));

@@ -19,6 +19,13 @@ const ROW_CLASSES: usize = 3;
 /// The largest number that names a recent row.
 const RECENT_NUMBERS: u32 = RECENT as u32;
 
+/// Returns how many bytes a stream of so many symbols and numbers has at most, with room to spare: each takes up to 12
+/// bits as a symbol and 29 plain ones, and each context up to 511 bytes.
+pub fn most_bytes(numbers: u64) -> u64 {
+    const CONTEXTS: u64 = 72;
+    8 + 511 * CONTEXTS + 6 * numbers
+}
+
 /// Interleaves positive and negative numbers, so that small ones stay small: 0, -1, 1, -2, 2, ...
 #[cfg(feature = "write")]
 fn fold(number: i32) -> u32 {

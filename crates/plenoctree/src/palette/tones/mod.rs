@@ -5,7 +5,7 @@ mod neutral;
 mod points;
 
 pub(super) use grow::{Enough, tones};
-pub(super) use points::{binned_colors, points, salient_errors, seen_colors};
+pub(super) use points::{binned_colors, points, salient_error, seen_colors};
 
 #[cfg(test)]
 mod tests {

@@ -83,13 +83,15 @@ pub(in crate::palette) fn points(colors: &[(DVec3, f64)], progress: &Progress) -
     Ok(points)
 }
 
-/// Returns how far points are from the tones that show them, if rare colors count more than their share.
-pub(in crate::palette) fn salient_errors(points: &[Point], palette: &Palette) -> ColorErrors {
+/// Returns how far points are from the tones that show them, if rare colors count more than their share: the larger of
+/// the root mean square and that of hues.
+pub(in crate::palette) fn salient_error(points: &[Point], palette: &Palette) -> f64 {
     let shown = ShownColors::new(palette, 1);
-    ColorErrors::of(points.iter().filter_map(|point| {
+    let errors = ColorErrors::of(points.iter().filter_map(|point| {
         let color = from_oklab(point.oklab);
         Some((point.salient, color, shown.nearest(color)?.0))
-    }))
+    }));
+    errors.rmse.max(errors.hue)
 }
 
 /// Merges the colors in every cell of tone space into their mean.
