@@ -1,7 +1,7 @@
 // The composite pass: blends the layer over the scene, in encoded sRGB. Posterization works on the result, and where
 // labels are tones, on the layer alone. With OUTLINE, it also finds the pixels at the edges of props.
 
-#import bevy_plenoctree::filter_texel::{pack, pack_filtered}
+#import bevy_plenoctree::filter_texel::{pack, pack_filtered, pack_shown}
 #import bevy_plenoctree::edge_owners::edge_at
 #import bevy_plenoctree::target::composited
 #import bevy_plenoctree::view::{filters, owner_of, screen, view}
@@ -34,11 +34,19 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     if !is_own {
         color = composited(over, textureLoad(scene, pixel + view.corner, 0).rgb);
     }
-#ifdef UNFILTERED
-    let texel = pack_filtered(color, posterized);
+    var texel = pack_shown(color);
+#ifdef APART
+    let is_read = posterized > 0u;
 #else
-    let texel = pack(color, posterized);
+    let is_read = true;
 #endif
+    if is_read {
+#ifdef UNFILTERED
+        texel = pack_filtered(color, posterized);
+#else
+        texel = pack(color, posterized);
+#endif
+    }
 #ifdef OUTLINE
     let edge = edge_at(layer, owner, depth, vec2<i32>(pixel));
     return Fragment(texel, edge.owners, edge.mask);

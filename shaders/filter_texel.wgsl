@@ -41,6 +41,11 @@ fn pack_filtered(color: vec3<f32>, owner: u32) -> vec4<u32> {
     return pack_at(half, owner, tone_space(half) / TONE);
 }
 
+// Packs a pixel without an owner that no other pixel reads.
+fn pack_shown(color: vec3<f32>) -> vec4<u32> {
+    return pack_at(to_half(vec4(color, 0.0)).rgb, 0u, vec3(0.0));
+}
+
 fn unpack(texel: vec4<u32>) -> Pixel {
     let at = vec3(texel.z & 0x1fffffu, (texel.z >> 21u) | ((texel.w & 0x3ffu) << 11u), texel.w >> 10u);
     return Pixel(

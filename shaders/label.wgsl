@@ -28,15 +28,25 @@
 // The largest difference of distances at which two frames see the same part of a prop, relative to the distance.
 const SAME: f32 = 0.01;
 
-// The labels of the former frame around a point of a prop, plus 2 (0 where it saw something else), and their bilinear
-// weights.
+// The labels of the former frame around a point of a prop, plus 2, or 0 where it saw something else: of four pixels with
+// their bilinear weights, and if none of them had the label that the point has now, of five others around the nearest one.
 struct Former {
     labels: array<u32, 9>,
-    weights: array<f32, 9>,
+    weights: vec4<f32>,
 }
 
-// `at` is the place of the point, in pixels.
-fn former_labels(prop: u32, at: vec2<f32>, depth: f32) -> Former {
+// Returns the label of the former frame in a pixel, plus 2, or 0 if it did not see the part of the prop at a depth.
+fn former_label(prop: u32, pixel: vec2<f32>, depth: f32) -> u32 {
+    let at = vec2<u32>(max(pixel, vec2(0.0)));
+    let texel = textureLoad(labels_before, at, 0).xy;
+    let solid = textureLoad(depth_before, at, 0);
+    let distance = distance_from_depth(solid);
+    let is_same = is_solid(solid) && abs(distance_from_depth(depth) - distance) < SAME * distance;
+    return select(0u, texel.x, is_same && texel.y == labelings[prop].former.owner);
+}
+
+// `at` is the place of the point, in pixels, and `label` is the label that it has now.
+fn former_labels(prop: u32, at: vec2<f32>, depth: f32, label: u32) -> Former {
     var found = Former();
     if labelings[prop].former.owner == 0u || !is_solid(depth) {
         return found;
@@ -49,17 +59,22 @@ fn former_labels(prop: u32, at: vec2<f32>, depth: f32) -> Former {
     if clip.w <= 0.0 || any(place < vec2(0.0)) || any(place >= size - 1.0) {
         return found;
     }
-    let nearest = floor(place + 0.5);
-    for (var i = 0; i < 9; i++) {
-        let there = nearest + vec2(f32(i % 3 - 1), f32(i / 3 - 1));
-        let pixel = vec2<u32>(max(there, vec2(0.0)));
-        let texel = textureLoad(labels_before, pixel, 0).xy;
-        let solid = textureLoad(depth_before, pixel, 0);
-        let distance = distance_from_depth(solid);
-        let is_same = is_solid(solid) && abs(distance_from_depth(before.z) - distance) < SAME * distance;
-        found.labels[i] = select(0u, texel.x, is_same && texel.y == labelings[prop].former.owner);
-        let along = max(1.0 - abs(place - there), vec2(0.0));
+    let corner = floor(place);
+    var is_new = true;
+    for (var i = 0; i < 4; i++) {
+        let there = corner + vec2(f32(i & 1), f32(i >> 1));
+        found.labels[i] = former_label(prop, there, before.z);
+        let along = 1.0 - abs(place - there);
         found.weights[i] = along.x * along.y;
+        is_new = is_new && found.labels[i] != label + 2u;
+    }
+    // The others have no weight, and only say whether the label is new around the point.
+    let aside = corner + select(vec2(-1.0), vec2(2.0), place - corner >= vec2(0.5));
+    let first = min(corner.x, aside.x);
+    for (var i = 4; i < select(4, 9, is_new); i++) {
+        let of_row = vec2(first + f32(i - 4), aside.y);
+        let of_column = vec2(aside.x, corner.y + f32(i - 7));
+        found.labels[i] = former_label(prop, select(of_column, of_row, i < 7), before.z);
     }
     return found;
 }
@@ -67,7 +82,7 @@ fn former_labels(prop: u32, at: vec2<f32>, depth: f32) -> Former {
 // Returns the share of the bilinear weights that a label has.
 fn support(former: Former, label: u32) -> f32 {
     var sum = 0.0;
-    for (var i = 0; i < 9; i++) {
+    for (var i = 0; i < 4; i++) {
         sum += select(0.0, former.weights[i], former.labels[i] == label + 2u);
     }
     return sum;
@@ -161,7 +176,7 @@ fn seen_at(pixel: vec2<u32>) -> Seen {
 #ifdef STEADY
     let at = vec2<f32>(pixel) + 0.5;
     let solid = textureLoad(depth, pixel, 0);
-    let former = former_labels(value.owner - 1u, at, solid);
+    let former = former_labels(value.owner - 1u, at, solid, posterized.label);
     posterized = steadied(posterized, place, value.owner - 1u, shade.light, former);
 #endif
     let color = tinted(posterized.color, props[value.owner - 1u].tint * shade.tint);

@@ -153,6 +153,11 @@ impl FilterUniform {
             is_of_tones: u32::from(posterize.palette.is_of_tones()),
         }
     }
+
+    /// Returns whether it reads no pixels of other owners, or of none.
+    pub fn is_apart(&self) -> bool {
+        self.iterations == 0 || self.is_of_tones > 0
+    }
 }
 
 /// The labels of a prop, or of a posterized view. Matches `Labels` in `view.wgsl`.

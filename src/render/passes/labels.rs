@@ -37,6 +37,7 @@ pub(super) fn composite(plan: &Plan) -> Option<Pass> {
     let outlines = plan.composite_outlines();
     let program =
         Program::new("composite").define_all(space(plan.target.space)).define_if(plan.iterations == 0, "UNFILTERED");
+    let program = program.define_if(plan.filters_apart, "APART");
     let mut reads = vec![Slot::COLOR, Slot::OWNER, Slot::Scene];
     reads.extend(outlines.then_some(Slot::DEPTH));
     let pass = Pass {
@@ -56,15 +57,18 @@ pub(super) fn filter(plan: &Plan) -> Vec<Pass> {
     let pass = |iteration, (from, to)| {
         let is_last = iteration + 1 == iterations && to == Slot::Even;
         let program = Program::new("filter").define_if(to == Slot::Odd, "HORIZONTAL").define_if(is_last, "LAST");
-        // The first pass copies the pixels without an owner, which the others read from both textures.
+        // The first pass copies the pixels without an owner, which the others read from both textures, unless no owner
+        // reads those of others. Then it leaves them out.
         let is_first = iteration == 0 && to == Slot::Odd;
-        let program = if is_first { program } else { program.where_props_are() };
+        let copies = is_first && !plan.filters_apart;
+        let program = if copies { program } else { program.where_props_are() };
         Pass {
             feature: Feature::Posterize,
             reads: vec![vec![from]],
             writes: vec![to],
             depth: Some(Slot::DEPTH),
-            covers_all: is_first,
+            clear: (is_first && !copies).then_some(Clear::Zero),
+            covers_all: copies,
             draws: vec![Draw { instance: iteration, ..Draw::triangle(0) }],
             ..Pass::fullscreen(FILTER, Place::Posterize, Some(CachedResult::Composite), vec![program])
         }

@@ -195,6 +195,7 @@ pub(in crate::render) fn decide(known: &Known, missing: &[Feature], held: Option
     let pipelines = held.cloned().unwrap_or_else(|| Plan {
         is_sparse,
         iterations,
+        filters_apart: filters.iter().all(FilterUniform::is_apart),
         posterizes: owners.iter().any(|(posterize, ..)| posterize.is_some()),
         posterizes_view: view_posterize.is_some(),
         overlaps,

@@ -40,6 +40,8 @@ pub(in crate::render) struct Plan {
     pub is_sparse: bool,
     /// The largest number of filter iterations.
     pub iterations: u32,
+    /// Whether it reads no pixels of other owners, or of none.
+    pub filters_apart: bool,
     pub posterizes: bool,
     /// Whether a posterized view owns the pixels that no posterized prop owns.
     pub posterizes_view: bool,

@@ -91,7 +91,7 @@ fn write(name: &str, scene: &dyn Scene, arguments: &Arguments, bar: &ProgressBar
         field.write(&path).map_err(|error| named(&error))?;
         field.leaves()
     } else {
-        let packed = pack_unchanged(&field, &QUALITY.settings()).map_err(|error| named(&*error))?;
+        let packed = pack_unchanged(&field, &QUALITY.settings()).map_err(|error| named(&error))?;
         packed.write(&path).map_err(|error| named(&error))?;
         packed.field().leaves()
     };
