@@ -117,11 +117,14 @@ fn posterized_views_without_props_are_held() {
     let world = headless.app.world_mut();
     let prop = world.query_filtered::<Entity, With<Prop>>().single(world).unwrap();
     let field = world.get::<Prop>(prop).unwrap().0.clone();
-    let view_posterize = |softness: f32| (PosterizeView(field.clone()), Posterize { softness, ..hard() });
-    world.entity_mut(camera).insert(view_posterize(0.0));
+    let view_posterize = |iterations: u32| {
+        let filter = BilateralFilter { iterations, ..default() };
+        (PosterizeView(field.clone()), Posterize { filter, ..hard() })
+    };
+    world.entity_mut(camera).insert(view_posterize(0));
     world.entity_mut(prop).insert(Visibility::Hidden);
     headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-    headless.app.world_mut().entity_mut(camera).insert(view_posterize(0.1));
+    headless.app.world_mut().entity_mut(camera).insert(view_posterize(1));
     for frame in 0..6 {
         headless.update();
         assert!(view(&mut headless).plan.posterizes_view, "frame {frame}");
