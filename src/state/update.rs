@@ -3,19 +3,22 @@
 use bevy::{asset::LoadState, platform::collections::HashMap, prelude::*};
 use plenoctree::PlenOctree;
 
+use super::drawn::DrawnOverride;
 use crate::{
     asset::FilesRead,
     gpu::GpuStatus,
-    palette::{PaletteExtraction, Palettes},
+    palette::{PaletteExtraction, PaletteOverride, Palettes},
     posterize::{BeforePalette, Posterize},
     prop::{DrawnField, Prop, PropError, PropProgress, PropState},
     recolor::{Recolor, before_palette},
 };
 
 pub(super) fn update(
+    mut commands: Commands,
     mut props: Query<(
-        Ref<Prop>,
+        (Entity, Ref<Prop>),
         (Option<&Posterize>, Option<&Recolor>),
+        (Option<&PaletteOverride>, Option<&mut DrawnOverride>),
         &mut PropState,
         &mut PropProgress,
         &mut DrawnField,
@@ -30,7 +33,7 @@ pub(super) fn update(
 ) {
     // Many props share few fields. The map's memory is reused.
     states.clear();
-    for (prop, (posterize, recolor), mut state, mut progress, mut drawn) in &mut props {
+    for ((entity, prop), (posterize, recolor), (own, kept), mut state, mut progress, mut drawn) in &mut props {
         let id = prop.0.id();
         let before = before_palette(posterize, recolor);
         let data = states.entry((id, before.is_some())).or_insert_with(|| {
@@ -53,6 +56,14 @@ pub(super) fn update(
         } else if *data == PropState::Ready && !matches!(*state, PropState::Ready | PropState::Compiling) {
             // Its bounds do not change.
             drawn.bypass_change_detection().since = gpu.frame();
+        }
+        if drawn.field.as_ref() == Some(&prop.0) {
+            match (own, kept) {
+                (Some(own), Some(mut kept)) if kept.0 != *own => kept.0 = own.clone(),
+                (Some(own), None) => _ = commands.entity(entity).try_insert(DrawnOverride(own.clone())),
+                (None, Some(mut kept)) => kept.0.reset(),
+                (Some(_), Some(_)) | (None, None) => {}
+            }
         }
         let new = match data {
             PropState::Ready => match gpu.pipeline_error() {

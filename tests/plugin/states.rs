@@ -8,7 +8,8 @@ use bevy::{
 };
 use bevy_plenoctree::{
     BeforePalette, BilateralFilter, ColorCount, EdgeSmoothing, FieldPalette, FieldReady, Palette, PaletteExtraction,
-    PaletteFailed, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropError, PropQuality, PropState,
+    PaletteFailed, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropError, PropQuality,
+    PropState,
     headless::{HeadlessError, LitMeshPlugins},
     props_ready,
 };
@@ -137,6 +138,35 @@ fn a_prop_keeps_its_field_until_the_next_one_can_be_drawn() {
     drop(second);
     stage.update(3);
     assert!(!stage.resource::<Assets<PlenOctree>>().contains(new));
+}
+
+/// Overrides that are meant for the next field of a prop do not color the one that it keeps until then.
+#[test]
+fn a_field_that_is_kept_keeps_its_overrides() {
+    let mut stage = app(|_| {});
+    let (first, second) = (stage.add(cube(RED)), reserve::<PlenOctree>(&stage));
+    for (field, color) in [(&first, RED), (&second, BLUE)] {
+        let palette = FieldPalette::new(Palette::new(vec![encoded(color)]).unwrap());
+        stage.world().resource_mut::<Palettes>().insert(field, palette);
+    }
+    let own = |[red, green, blue]: [u8; 3]| PaletteOverride::default().with(0, Color::srgb_u8(red, green, blue));
+    let prop = stage.spawn((Prop(first.clone()), posterize(), own([0, 255, 0])));
+    stage.wait();
+    assert_eq!(middle(&mut stage), [0, 255, 0]);
+
+    stage.insert(prop, (Prop(second.clone()), own([255, 255, 0])));
+    for _ in 0..3 {
+        assert_eq!(middle(&mut stage), [0, 255, 0]);
+    }
+    arrive(&mut stage, &second, cube(BLUE));
+    stage.wait();
+    assert_eq!(middle(&mut stage), [255, 255, 0]);
+    // Nor do those that are removed with it.
+    stage.world().entity_mut(prop).remove::<PaletteOverride>();
+    assert_eq!(middle(&mut stage), BLUE);
+    let third = reserve::<PlenOctree>(&stage);
+    stage.insert(prop, (Prop(third), own([255, 255, 0])));
+    assert_eq!(middle(&mut stage), BLUE);
 }
 
 /// The pipelines of a field that is loaded ahead are compiled before a prop shows it: the prop does not vanish
