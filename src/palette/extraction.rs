@@ -65,6 +65,15 @@ pub struct PaletteExtraction {
     /// extraction was [requested](Self::request). If all of them name other methods before the palette is ready, the
     /// extraction starts over.
     pub settings: ExtractionSettings,
+    /// Whether fields without a palette get one. Otherwise, only those do whose extraction is
+    /// [requested](Self::request); props of others wait for a palette that you insert. Extractions that are already
+    /// running go on.
+    ///
+    /// Disable it where nobody sees props, such as on a dedicated server: without a GPU, every field that arrives would
+    /// be sampled on the CPU.
+    ///
+    /// Defaults to true.
+    pub automatic: bool,
     /// The processor that samples fields.
     ///
     /// Defaults to [`PaletteSampler::Auto`].
@@ -89,6 +98,7 @@ impl Default for PaletteExtraction {
     fn default() -> Self {
         Self {
             settings: ExtractionSettings::default(),
+            automatic: true,
             sampler: PaletteSampler::default(),
             budget: Some(Duration::from_millis(4)),
             requested: HashMap::new(),
@@ -236,7 +246,10 @@ pub(super) fn start(
         }
     }
     let missing = posterized.fields().filter(|id| {
-        palettes.lacks(*id) && !extraction.failed.contains_key(id) && !extraction.running.contains_key(id)
+        extraction.automatic
+            && palettes.lacks(*id)
+            && !extraction.failed.contains_key(id)
+            && !extraction.running.contains_key(id)
     });
     let ids: HashSet<_> = extraction.requested.keys().copied().chain(missing).collect();
     let on_gpu = adapter.is_some_and(|adapter| match extraction.sampler {

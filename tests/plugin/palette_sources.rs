@@ -158,6 +158,26 @@ fn an_extracted_palette_can_be_saved_and_shipped() {
     assert_eq!(shipped.palette(), extracted.palette());
 }
 
+/// An app that nobody sees extracts nothing on its own.
+#[test]
+fn palettes_are_only_extracted_on_request_if_so_wished() {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin));
+    app.world_mut().resource_mut::<PaletteExtraction>().automatic = false;
+    let field = app.world_mut().resource_mut::<Assets<PlenOctree>>().add(solid(10.0));
+    app.world_mut().spawn((Prop(field.clone()), Posterize::default()));
+    for _ in 0..5 {
+        app.update();
+        assert!(app.world().resource::<PaletteExtraction>().progress(&field).is_none());
+        assert!(app.world().resource::<Palettes>().get(&field).is_none());
+    }
+    app.world_mut().resource_mut::<PaletteExtraction>().request(&field);
+    wait_for("a palette", || {
+        app.update();
+        app.world().resource::<Palettes>().get(&field).is_some()
+    });
+}
+
 /// A prop whose look is switched before its palette is ready gets a palette of the new look, unless another prop of the
 /// field still wants the old one.
 #[test]
