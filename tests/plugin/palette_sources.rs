@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use bevy::{asset::LoadState, prelude::*};
 use bevy_plenoctree::{
-    FieldPalette, Palette, PaletteExtraction, PaletteReady, PaletteSampler, Palettes, PlenOctree, PlenOctreePlugin,
-    Posterize, Prop, RampAdjustment, SampleOrigin,
+    ExtractionSettings, FieldPalette, Palette, PaletteExtraction, PaletteReady, PaletteSampler, Palettes, PlenOctree,
+    PlenOctreePlugin, Posterize, Prop, RampAdjustment, SampleOrigin,
 };
 use glam::DVec3;
 
@@ -156,6 +156,28 @@ fn an_extracted_palette_can_be_saved_and_shipped() {
     let shipped = files.palette(&field);
     assert!(shipped.extraction().is_none());
     assert_eq!(shipped.palette(), extracted.palette());
+}
+
+/// An extraction that failed is tried again when its settings change, and not before.
+#[test]
+fn failed_extractions_are_tried_again_with_other_settings() {
+    let mut files = Files::new("retry");
+    let valid = files.app.world().resource::<PaletteExtraction>().settings.clone();
+    let set = |files: &mut Files, settings: ExtractionSettings| {
+        files.app.world_mut().resource_mut::<PaletteExtraction>().settings = settings;
+    };
+    // It differs from itself.
+    set(&mut files, ExtractionSettings { coarse_threshold: f64::NAN, ..valid.clone() });
+    let field = files.spawn();
+    let id = field.id();
+    files.run_until("a failure", move |world| world.resource::<PaletteExtraction>().error(id).is_some());
+    for _ in 0..5 {
+        files.app.update();
+        assert!(files.app.world().resource::<PaletteExtraction>().error(id).is_some());
+    }
+    set(&mut files, valid);
+    files.app.update();
+    assert!(files.palette(&field).extraction().is_some());
 }
 
 /// An app that nobody sees extracts nothing on its own.
