@@ -81,7 +81,7 @@ pub struct PaletteExtraction {
     pub sampler: PaletteSampler,
     /// The GPU time per frame that sampling may take. In addition, palettes of tones look at the field from afar: in
     /// seven views of 96 x 96 rays per frame. With `None`, all of it happens in a single frame, which is meant for apps
-    /// without a window.
+    /// without a window. Changes take effect at once.
     ///
     /// Defaults to 4 ms.
     pub budget: Option<Duration>,
@@ -302,9 +302,8 @@ pub(super) fn start(
         }
         let step = match origin {
             SampleOrigin::Gpu => {
-                let (field, settings, budget, progress) =
-                    (field.clone(), settings.clone(), extraction.budget, progress.clone());
-                let plan = move || background::on_cores(|| SamplingJob::new(id, field, settings, budget, progress));
+                let (field, settings, progress) = (field.clone(), settings.clone(), progress.clone());
+                let plan = move || background::on_cores(|| SamplingJob::new(id, field, settings, progress));
                 Step::Planning(background::spawn(plan), Instant::now())
             }
             SampleOrigin::Recorded | SampleOrigin::Cpu => {
@@ -347,8 +346,12 @@ pub(super) fn finish(
     mut messages: MessageWriter<PaletteFailed>,
     server: Option<Res<AssetServer>>,
 ) {
-    if jobs.0.iter().any(|job| !job.is_open()) {
-        jobs.0.retain(|job| job.is_open());
+    // Jobs are extracted whenever they change.
+    if jobs.open.iter().any(|job| !job.is_open()) {
+        jobs.open.retain(|job| job.is_open());
+    }
+    if jobs.budget != extraction.budget {
+        jobs.budget = extraction.budget;
     }
     if extraction.running.is_empty() {
         return;
@@ -362,7 +365,7 @@ pub(super) fn finish(
                     None => {}
                     Some(Ok(job)) => {
                         let job = Arc::new(job);
-                        jobs.0.push(job.clone());
+                        jobs.open.push(job.clone());
                         running.step = Step::Sampling(job, *start);
                     }
                     Some(Err(Canceled)) => return false,
