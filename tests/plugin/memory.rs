@@ -2,11 +2,11 @@
 
 use std::time::{Duration, Instant};
 
-use bevy::{camera::Viewport, prelude::*};
+use bevy::{camera::Viewport, prelude::*, render::render_asset::RenderAssets};
 use bevy_plenoctree::{
-    Activation, DeviceRecoveryPlugin, FieldFailed, FieldPalette, FieldReady, PaletteExtraction, PaletteSampler,
-    Palettes, PlenOctree, Posterize, Prop, PropError, PropQuality, PropState, SampleOrigin, UpAxis, ViewFailed,
-    headless::HeadlessError,
+    Activation, DeviceRecoveryPlugin, FieldFailed, FieldPalette, FieldReady, GpuField, PaletteExtraction,
+    PaletteSampler, Palettes, PlenOctree, Posterize, Prop, PropError, PropQuality, PropState, SampleOrigin, UpAxis,
+    ViewFailed, headless::HeadlessError,
 };
 use glam::DVec3;
 use half::f16;
@@ -80,6 +80,26 @@ fn a_field_that_the_driver_rejects_is_skipped() {
     assert!(stage.heard::<AppExit>().is_empty(), "the app quits");
     let failed = FieldFailed { field: field(&stage, 1), error: error.clone(), only_level: false };
     assert_eq!(stage.heard::<FieldFailed>(), [failed]);
+}
+
+/// A field that the app removes leaves the GPU although there are handles, and can come back.
+#[test]
+fn fields_that_are_removed_leave_the_gpu() {
+    let fields = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].map(|color| corner(4, color));
+    let mut stage = app(default(), |_| (), fields.clone());
+    stage.wait();
+    let id = field(&stage, 1);
+    let is_on_gpu = |stage: &Stage| stage.render_world().resource::<RenderAssets<GpuField>>().get(id).is_some();
+    assert!(is_on_gpu(&stage));
+    stage.world().resource_mut::<Assets<PlenOctree>>().remove(id);
+    stage.update(1);
+    assert!(!is_on_gpu(&stage));
+    assert_eq!(colors(&mut stage), [[255, 0, 0], [0; 3]]);
+    let [_, blue] = fields;
+    stage.world().resource_mut::<Assets<PlenOctree>>().insert(id, blue).unwrap();
+    stage.update(2);
+    stage.wait();
+    assert_eq!(colors(&mut stage), [[255, 0, 0], [0, 0, 255]]);
 }
 
 /// Returns a field of SH25 that fills the cube from 0 to 1 with two million leaves of one color, 335 MB on the GPU.
