@@ -169,5 +169,9 @@ pub(super) fn load(
 }
 
 fn has_failed(server: &AssetServer, handle: &Handle<Palette>) -> bool {
+    if *handle == Handle::default() {
+        warn!("the handle of a palette is a default one, which nothing loads, expected that of a palette file");
+        return true;
+    }
     matches!(server.get_load_state(handle), Some(LoadState::Failed(_)))
 }

@@ -349,7 +349,8 @@ impl Palettes {
 
     /// Sets the palette of a field from an asset as soon as it is loaded, and again whenever it changes.
     /// [`PaletteReady`](crate::PaletteReady) is written whenever that changes the palette. If the asset fails to load,
-    /// the field keeps its current palette; if it has none, one is extracted.
+    /// the field keeps its current palette; if it has none, one is extracted. A default handle counts as one that
+    /// fails.
     ///
     /// Call it once: every call sets the palette again, so that changes of its shown colors are lost.
     ///

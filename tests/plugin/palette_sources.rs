@@ -298,6 +298,15 @@ fn a_palette_is_extracted_if_its_file_is_invalid() {
     });
 }
 
+/// Nothing loads a default handle.
+#[test]
+fn a_palette_is_extracted_if_its_handle_is_a_default_one() {
+    let mut files = Files::new("default");
+    let field = files.spawn();
+    files.app.world_mut().resource_mut::<Palettes>().insert_handle(&field, Handle::default());
+    assert!(files.palette(&field).extraction().is_some());
+}
+
 /// A palette that is given by its handle replaces one with the same source colors and other shown ones.
 #[test]
 fn palettes_of_the_same_source_colors_replace_each_other() {
