@@ -7,9 +7,9 @@ use bevy::{
     render::render_resource::{BufferDescriptor, BufferUsages, PipelineCache},
 };
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, ColorCount, EdgeSmoothing, FieldPalette, FieldReady, Palette, PaletteExtraction,
-    PaletteFailed, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropError, PropQuality,
-    PropState,
+    BeforePalette, BilateralFilter, ColorCount, DeviceRecoveryPlugin, EdgeSmoothing, FieldPalette, FieldReady, Palette,
+    PaletteExtraction, PaletteFailed, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
+    PropError, PropQuality, PropState,
     headless::{HeadlessError, LitMeshPlugins},
     props_ready,
 };
@@ -257,13 +257,17 @@ fn without_a_renderer_props_wait_for_their_fields_alone() {
 /// After an error of the GPU, Bevy stops rendering. What is captured then is no picture, but an error that says why.
 #[test]
 fn errors_of_the_gpu_are_reported() {
-    let mut stage = app(|_| ());
-    stage.capture();
-    let device = stage.device();
-    let usage = BufferUsages::empty();
-    device.create_buffer(&BufferDescriptor { label: Some("odd one"), size: 4, usage, mapped_at_creation: false });
-    for error in [stage.headless.capture().unwrap_err(), stage.headless.wait_until_ready(PATIENCE).unwrap_err()] {
-        assert!(matches!(&error, HeadlessError::Rendering(reason) if reason.contains("odd one")), "{error}");
+    for recovers in [false, true] {
+        // Replaces devices, but hides no other error.
+        let recover = |app: &mut App| _ = app.add_plugins(DeviceRecoveryPlugin);
+        let mut stage = if recovers { app(recover) } else { app(|_| ()) };
+        stage.capture();
+        let device = stage.device();
+        let usage = BufferUsages::empty();
+        device.create_buffer(&BufferDescriptor { label: Some("odd one"), size: 4, usage, mapped_at_creation: false });
+        for error in [stage.headless.capture().unwrap_err(), stage.headless.wait_until_ready(PATIENCE).unwrap_err()] {
+            assert!(matches!(&error, HeadlessError::Rendering(reason) if reason.contains("odd one")), "{error}");
+        }
     }
 }
 
