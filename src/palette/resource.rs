@@ -288,14 +288,11 @@ impl FieldPalette {
     ) -> Result<(), InvalidRamps> {
         let mut edited = self.palette.clone();
         edit(&mut edited)?;
-        let valid = Palette { ramps: edited.ramps, ..self.palette.clone() };
-        match valid.validate() {
-            Err(InvalidPalette::Ramps(error)) => Err(error),
-            _ => {
-                self.palette = valid;
-                Ok(())
-            }
-        }
+        let new = Palette { ramps: edited.ramps, ..self.palette.clone() };
+        // The rest may be invalid, if it was made by hand.
+        new.validate_ramps()?;
+        self.palette = new;
+        Ok(())
     }
 
     /// Resets the shown colors to the source colors.
