@@ -3,10 +3,9 @@
 use std::sync::Arc;
 
 use bevy::{
-    asset::RenderAssetUsages,
     ecs::system::SystemParamItem,
     prelude::*,
-    render::render_asset::{AssetExtractionError, PrepareAssetError, RenderAsset},
+    render::render_asset::{PrepareAssetError, RenderAsset},
 };
 use plenoctree::PlenOctree;
 
@@ -154,15 +153,6 @@ impl GpuField {
 impl RenderAsset for GpuField {
     type SourceAsset = PlenOctree;
     type Param = ();
-
-    fn asset_usage(_: &PlenOctree) -> RenderAssetUsages {
-        // The main world keeps the field for palette extraction. The arrays are shared, so the copy is cheap.
-        RenderAssetUsages::MAIN_WORLD | RenderAssetUsages::RENDER_WORLD
-    }
-
-    fn take_gpu_data(source: &mut PlenOctree, _: Option<&Self>) -> Result<PlenOctree, AssetExtractionError> {
-        Ok(source.clone())
-    }
 
     fn prepare_asset(
         field: PlenOctree,

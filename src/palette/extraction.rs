@@ -248,7 +248,7 @@ pub(super) fn start(
     palettes: Res<Palettes>,
     fields: Res<Assets<PlenOctree>>,
     adapter: Option<Res<RenderAdapterInfo>>,
-    server: Option<Res<AssetServer>>,
+    server: Res<AssetServer>,
     posterized: Posterized,
 ) {
     let is_unwanted = |(id, running): &(&AssetId<PlenOctree>, &Running)| {
@@ -297,7 +297,7 @@ pub(super) fn start(
             SampleOrigin::Cpu
         };
         if is_valid {
-            let (name, leaves) = (field_name(server.as_deref(), id), field.leaves());
+            let (name, leaves) = (field_name(&server, id), field.leaves());
             info!("extracting the palette of {name}: {leaves} leaves, sampled {origin}");
         }
         let step = match origin {
@@ -316,9 +316,8 @@ pub(super) fn start(
 }
 
 /// Returns the path of a field or, if it has none, its id.
-pub(crate) fn field_name(server: Option<&AssetServer>, field: AssetId<PlenOctree>) -> String {
-    let path = server.and_then(|server| server.get_path(field));
-    path.map_or_else(|| format!("field {field}"), |path| path.to_string())
+pub(crate) fn field_name(server: &AssetServer, field: AssetId<PlenOctree>) -> String {
+    server.get_path(field).map_or_else(|| format!("field {field}"), |path| path.to_string())
 }
 
 /// Starts a task that computes a palette on all cores but one.
@@ -344,7 +343,7 @@ pub(super) fn finish(
     mut jobs: ResMut<SamplingJobs>,
     mut palettes: ResMut<Palettes>,
     mut messages: MessageWriter<PaletteFailed>,
-    server: Option<Res<AssetServer>>,
+    server: Res<AssetServer>,
 ) {
     // Jobs are extracted whenever they change.
     if jobs.open.iter().any(|job| !job.is_open()) {
@@ -387,8 +386,7 @@ pub(super) fn finish(
             Ok(_) if !running.purpose.applies(*id, &palettes) => {}
             Ok((extraction, samples)) => {
                 let (count, of) = (extraction.palette.colors.len(), extraction.report.radiance_samples);
-                let (name, origin, seconds) =
-                    (field_name(server.as_deref(), *id), samples.origin, extraction.report.seconds);
+                let (name, origin, seconds) = (field_name(&server, *id), samples.origin, extraction.report.seconds);
                 info!(
                     "extracted {count} colors of {name} from {of} radiance samples, taken {origin}: {:.2} s of \
                      sampling, {:.2} s of computing",
@@ -399,7 +397,7 @@ pub(super) fn finish(
                 sampled.insert(*id, samples);
             }
             Err(error) => {
-                error!("failed to extract the palette of {}: {error}", field_name(server.as_deref(), *id));
+                error!("failed to extract the palette of {}: {error}", field_name(&server, *id));
                 messages.write(PaletteFailed { field: *id, error: error.clone() });
                 failed.insert(*id, (running.settings.clone(), error));
             }

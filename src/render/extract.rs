@@ -270,7 +270,7 @@ pub(super) fn extract_props(
     on_gpu: Res<RenderAssets<GpuField>>,
     palettes: Extract<Res<Palettes>>,
     extraction: Extract<Res<PaletteExtraction>>,
-    (server, shaders): (Extract<Option<Res<AssetServer>>>, Extract<Res<Assets<Shader>>>),
+    (server, shaders): (Extract<Res<AssetServer>>, Extract<Res<Assets<Shader>>>),
     props: Extract<
         Query<(Entity, (&Prop, &DrawnField), Option<&SolidOpacity>, PropColors, &GlobalTransform, &ViewVisibility)>,
     >,
@@ -349,7 +349,7 @@ pub(super) fn extract_props(
         (view.view_posterize, view.placement, view.quality, view.ink) = (view_posterize, placement, quality, ink);
         view.stages.clear();
         // Nothing waits for shaders that failed to load, or that nothing loads.
-        let fails = |stage: &Handle<Shader>| match server.as_ref().and_then(|server| server.get_load_state(stage)) {
+        let fails = |stage: &Handle<Shader>| match server.get_load_state(stage) {
             Some(state) => matches!(state, LoadState::Failed(_)),
             None => !shaders.contains(stage),
         };

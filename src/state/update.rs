@@ -25,7 +25,7 @@ pub(super) fn update(
     )>,
     mut states: Local<HashMap<(AssetId<PlenOctree>, bool), PropState>>,
     fields: Res<Assets<PlenOctree>>,
-    server: Option<Res<AssetServer>>,
+    server: Res<AssetServer>,
     files: Res<FilesRead>,
     gpu: Res<GpuStatus>,
     palettes: Res<Palettes>,
@@ -37,7 +37,7 @@ pub(super) fn update(
         let id = prop.0.id();
         let before = before_palette(posterize, recolor);
         let data = states.entry((id, before.is_some())).or_insert_with(|| {
-            let field = field_state(id, &fields, server.as_deref(), &gpu);
+            let field = field_state(id, &fields, &server, &gpu);
             if field != PropState::Ready || before.is_none() || palettes.get(id).is_some() {
                 return field;
             }
@@ -99,12 +99,12 @@ pub(super) fn update(
 fn field_state(
     id: AssetId<PlenOctree>,
     fields: &Assets<PlenOctree>,
-    server: Option<&AssetServer>,
+    server: &AssetServer,
     gpu: &GpuStatus,
 ) -> PropState {
     // After a failed hot reload, the earlier version still exists.
     if !fields.contains(id) {
-        return match server.and_then(|server| server.get_load_state(id)) {
+        return match server.get_load_state(id) {
             Some(LoadState::Failed(error)) => PropState::Failed(PropError::of_loader(&error)),
             _ => PropState::Loading,
         };
