@@ -222,12 +222,9 @@ impl Posterize {
                 spatial_sigma: spatial_sigma.max(1e-3),
                 range_sigma: range_sigma.max(1e-3),
             },
-            before_palette: self.before_palette,
-            edges: self.edges,
-            borders: self.borders,
             // Shaders multiply it with 0.
             steadiness: self.steadiness.clamp(0.0, 1e3).max(0.0),
-            method: self.method,
+            ..self
         }
     }
 }

@@ -112,28 +112,16 @@ impl PropQuality {
         ..Self::EXACT
     };
     /// A compromise for most games.
-    pub const BALANCED: Self = Self {
-        stop_transmittance: 0.03,
-        opacity_loss: 0.02,
-        cell_size: 1.0,
-        ray_tolerance: 0.18,
-        edge_rays: 4,
-        estimates_edges: true,
-        filter_iterations: 3,
-        steady_labels: true,
-        ..Self::EXACT
-    };
+    pub const BALANCED: Self =
+        Self { opacity_loss: 0.02, cell_size: 1.0, ray_tolerance: 0.18, filter_iterations: 3, ..Self::HIGH };
     /// For many props, or a slow GPU.
     pub const FAST: Self = Self {
         stop_transmittance: 0.05,
         opacity_loss: 0.05,
         cell_size: 1.5,
         ray_tolerance: 0.4,
-        edge_rays: 4,
-        estimates_edges: true,
         filter_iterations: 1,
-        steady_labels: true,
-        ..Self::EXACT
+        ..Self::HIGH
     };
 
     /// Clamps every field to its valid range, so that no shader divides by zero or loops for too long. NaN becomes the
@@ -151,9 +139,7 @@ impl PropQuality {
             cell_size: clamp(self.cell_size, 0.0, f32::INFINITY, exact.cell_size),
             ray_tolerance: clamp(self.ray_tolerance, 0.0, f32::INFINITY, exact.ray_tolerance),
             edge_rays: if self.edge_rays < 8 { 4 } else { 8 },
-            estimates_edges: self.estimates_edges,
-            filter_iterations: self.filter_iterations,
-            steady_labels: self.steady_labels,
+            ..self
         }
     }
 }

@@ -14,7 +14,8 @@ use bevy::{
 ///
 /// Add it after Bevy's `DefaultPlugins`. It sets Bevy's [`RenderErrorHandler`]. The new device gets the settings of the
 /// app's [`RenderPlugin`]; if that plugin was given a device, the new one gets the default settings. Fields are
-/// uploaded again, and props are drawn as before after some frames. Other errors quit the app, as they do by default.
+/// uploaded again, and props are drawn as before after some frames. Other errors are left to the handler that the app had
+/// before, which quits the app by default.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -31,20 +32,30 @@ impl Plugin for DeviceRecoveryPlugin {
                 RenderCreation::Automatic(settings) => Some(WgpuSettings::clone(settings)),
                 RenderCreation::Manual(_) => None,
             });
-        app.insert_resource(DeviceSettings(settings.unwrap_or_default())).insert_resource(RenderErrorHandler(recover));
+        let others = app.world_mut().remove_resource().unwrap_or_default();
+        app.insert_resource(DeviceRecovery { settings: settings.unwrap_or_default(), others })
+            .insert_resource(RenderErrorHandler(recover));
     }
 }
 
-/// The settings of the device.
 #[derive(Resource)]
-struct DeviceSettings(WgpuSettings);
+struct DeviceRecovery {
+    /// The settings of the device.
+    settings: WgpuSettings,
+    /// What handles other errors.
+    others: RenderErrorHandler,
+}
 
 fn recover(error: &RenderError, main_world: &mut World, render_world: &mut World) -> RenderErrorPolicy {
-    match (&error.ty, main_world.get_resource::<DeviceSettings>()) {
-        (ErrorType::DeviceLost, Some(settings)) => {
+    let recovery = main_world.get_resource::<DeviceRecovery>();
+    match (&error.ty, recovery) {
+        (ErrorType::DeviceLost, Some(recovery)) => {
             warn!("the GPU device was lost and will be replaced: {}", error.description);
-            RenderErrorPolicy::Recover(settings.0.clone().into())
+            RenderErrorPolicy::Recover(recovery.settings.clone().into())
         }
-        _ => (RenderErrorHandler::default().0)(error, main_world, render_world),
+        _ => {
+            let others = recovery.map_or(RenderErrorHandler::default().0, |recovery| recovery.others.0);
+            others(error, main_world, render_world)
+        }
     }
 }

@@ -18,7 +18,7 @@ use plenoctree_fit::splat::{
 };
 use serde::{Deserialize, Serialize};
 
-use super::progress::FilesRead;
+use super::{progress::FilesRead, turn::turn};
 use crate::background::{self, on_cores};
 
 /// The extensions of captures that need no `.meta` file.
@@ -27,9 +27,10 @@ pub(super) const EXTENSIONS: [&str; 4] = ["ply", "spz", "sog", "splat"];
 /// Loads captures of Gaussian splats as [`PlenOctree`] assets: `.ply`, `.spz`, `.sog` and `.splat` files, and others
 /// whose `.meta` file names this loader, such as glTF with `KHR_gaussian_splatting`, or the `meta.json` file of SOG.
 ///
-/// The Gaussians are added up in the cells of a field, in the background. That takes seconds, and fields of captures
-/// are large, so pack them with the asset processor ([`PackSaver`](crate::PackSaver)), or convert them with `plenoctree
-/// convert`, which also refines them. Invalid files fail to load with a [`SplatError`].
+/// The Gaussians are added up in the cells of a field, in the background, of at most two captures at the same time. That
+/// takes seconds, and fields of captures are large, so pack them with the asset processor
+/// ([`PackSaver`](crate::PackSaver)), or convert them with `plenoctree convert`, which also refines them. Invalid files
+/// fail to load with a [`SplatError`].
 #[derive(TypePath)]
 #[type_path = "bevy_plenoctree"]
 pub struct CaptureLoader {
@@ -123,6 +124,8 @@ impl AssetLoader for CaptureLoader {
         let path = context.path().clone();
         let file = path.to_string();
         let mut progress = self.files.watch(path.clone());
+        // Also before the file is read, which may take much memory.
+        let _turn = turn().await;
         let bytes = progress.read(reader).await.map_err(|source| SplatError::Io { file: file.clone(), source })?;
         let (bytes, mut beside) = (Arc::new(bytes), Beside::new());
         loop {

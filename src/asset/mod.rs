@@ -6,6 +6,8 @@ mod loader;
 #[cfg(feature = "pack")]
 mod pack;
 mod progress;
+#[cfg(any(feature = "pack", feature = "splat"))]
+mod turn;
 
 #[cfg(feature = "splat")]
 pub use capture::{CaptureLoader, CaptureSettings};

@@ -17,7 +17,7 @@ use plenoctree::{LoadSettings, PackSettings, Packed, PlenOctree, sampling::Progr
 
 #[cfg(feature = "splat")]
 use super::capture::{CaptureLoader, EXTENSIONS};
-use super::loader::PlenOctreeLoader;
+use super::{loader::PlenOctreeLoader, turn::turn};
 use crate::background::{self, on_cores};
 
 /// Packs the fields of an app whose [`AssetMode`] is [`Processed`](AssetMode::Processed), so that the game ships small
@@ -52,8 +52,9 @@ impl AssetSaver for PackSaver {
             field.density_losses().for_each(|loss| warn!("{path}: {loss}"));
             on_cores(|| Packed::new(&field, &settings, &progress))
         };
+        let turn = turn().await;
         let packed = background::spawn(pack).await?;
-        drop(guard);
+        drop((guard, turn));
         writer.write_all(packed.bytes()).await?;
         // The file now records what the source's settings said: its activation, its up axis and the leaves to keep.
         Ok(LoadSettings { density_threshold: 0.0, ..default() })

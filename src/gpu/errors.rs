@@ -67,8 +67,8 @@ pub(crate) struct Allocator {
     failed: Option<Instant>,
 }
 
-/// How long nothing is created after a failure.
-const PAUSE: Duration = Duration::from_secs(2);
+/// How long nothing is created after a failure of the driver.
+pub(super) const PAUSE: Duration = Duration::from_secs(2);
 
 impl Allocator {
     /// Returns what `create` creates, or `None` if there is no memory for it, or was none a moment ago.

@@ -3,10 +3,9 @@
 use std::sync::Arc;
 
 use bevy::{
-    asset::RenderAssetUsages,
     ecs::system::SystemParamItem,
     prelude::*,
-    render::render_asset::{AssetExtractionError, PrepareAssetError, RenderAsset},
+    render::render_asset::{PrepareAssetError, RenderAsset},
 };
 use plenoctree::PlenOctree;
 
@@ -31,8 +30,8 @@ pub struct GpuField {
     is_drawn: bool,
     /// Whether it is drawn from the next frame on.
     is_new: bool,
-    /// Whether the outcome of the upload was reported to the main world.
-    reported: bool,
+    /// The outcome of the upload that was reported to the main world: whether it succeeded.
+    reported: Option<bool>,
 }
 
 impl GpuField {
@@ -126,7 +125,7 @@ impl GpuField {
     }
 
     /// Makes and uploads the field, and the levels that were requested in this frame, as far as the allowance goes. If
-    /// a level fails, returns its error.
+    /// a level fails for the first time, returns its error.
     pub(super) fn advance(&mut self, uploader: &Uploader, allowance: &mut Allowance) -> Option<FieldTooLarge> {
         self.levels.advance(uploader, allowance)
     }
@@ -142,26 +141,18 @@ impl GpuField {
         self.levels.age();
     }
 
-    /// Returns the outcome of the upload when it is first known, and `None` from then on.
+    /// Returns the outcome of the upload when it is first known, or if a later attempt has succeeded, and `None` from
+    /// then on.
     pub(super) fn take_outcome(&mut self) -> Option<Result<(), FieldTooLarge>> {
-        let outcome = self.outcome().filter(|_| !self.reported)?.map_err(Clone::clone);
-        self.reported = true;
-        Some(outcome)
+        let outcome = self.outcome()?.map_err(Clone::clone);
+        let is_new = self.reported.replace(outcome.is_ok()) != Some(outcome.is_ok());
+        is_new.then_some(outcome)
     }
 }
 
 impl RenderAsset for GpuField {
     type SourceAsset = PlenOctree;
     type Param = ();
-
-    fn asset_usage(_: &PlenOctree) -> RenderAssetUsages {
-        // The main world keeps the field for palette extraction. The arrays are shared, so the copy is cheap.
-        RenderAssetUsages::MAIN_WORLD | RenderAssetUsages::RENDER_WORLD
-    }
-
-    fn take_gpu_data(source: &mut PlenOctree, _: Option<&Self>) -> Result<PlenOctree, AssetExtractionError> {
-        Ok(source.clone())
-    }
 
     fn prepare_asset(
         field: PlenOctree,
@@ -170,6 +161,6 @@ impl RenderAsset for GpuField {
         previous: Option<&Self>,
     ) -> Result<Self, PrepareAssetError<PlenOctree>> {
         let earlier = previous.and_then(Self::drawn).map(Levels::ready);
-        Ok(Self { levels: Levels::new(field), earlier, is_drawn: false, is_new: false, reported: false })
+        Ok(Self { levels: Levels::new(field), earlier, is_drawn: false, is_new: false, reported: None })
     }
 }

@@ -2,11 +2,16 @@
 
 use std::sync::{Arc, OnceLock};
 
-use bevy::tasks::{Task, block_on, poll_once};
+use bevy::{
+    log::warn,
+    platform::time::Instant,
+    tasks::{Task, block_on, poll_once},
+};
 use plenoctree::{Faintness, PlenOctree};
 
 use super::{
     budget::Allowance,
+    errors::PAUSE,
     layout::FieldShape,
     level::Level,
     slices::Upload,
@@ -30,29 +35,31 @@ struct Slot {
     state: State,
     /// The number of frames since the last request.
     idle: u32,
+    /// The last failure, until the level is ready.
+    failure: Option<FieldTooLarge>,
 }
 
-/// The state of a level. Each state leads to the next one.
+/// The state of a level. Each state leads to the next one, and from a failure for lack of memory to the first one.
 enum State {
     Requested,
     /// Being made in the background, which takes longer than a frame.
     Making(Task<LevelData>),
     Uploading(Box<Upload>),
     Ready(Arc<GpuLevel>),
-    Failed(FieldTooLarge),
+    /// Stores since when.
+    Failed(Instant),
 }
 
 impl Levels {
     pub fn new(source: PlenOctree) -> Self {
-        let slot = Slot { level: Level::default(), state: State::Requested, idle: 0 };
-        Self { source, faintness: Arc::default(), slots: vec![slot] }
+        Self { source, faintness: Arc::default(), slots: vec![Slot::new(Level::default())] }
     }
 
     /// Returns the levels that are ready, to be drawn until another version of the field is.
     pub fn ready(&self) -> Self {
         let ready = self.slots.iter().filter_map(|slot| {
             let state = State::Ready(slot.state.ready()?.clone());
-            Some(Slot { level: slot.level, state, idle: slot.idle })
+            Some(Slot { level: slot.level, state, idle: slot.idle, failure: None })
         });
         Self { source: self.source.clone(), faintness: self.faintness.clone(), slots: ready.collect() }
     }
@@ -65,12 +72,13 @@ impl Levels {
         self.slots.iter().find(|slot| slot.level == level)?.state.ready()
     }
 
-    /// Returns whether the field itself can be drawn, or `None` if that is not known yet.
+    /// Returns whether the field itself can be drawn, or `None` if that is not known yet. After a failure, it cannot
+    /// until another attempt has succeeded.
     pub fn outcome(&self) -> Option<Result<(), &FieldTooLarge>> {
-        match &self.slots.first()?.state {
+        let slot = self.slots.first()?;
+        match slot.state {
             State::Ready(_) => Some(Ok(())),
-            State::Failed(error) => Some(Err(error)),
-            State::Requested | State::Making(_) | State::Uploading(_) => None,
+            _ => slot.failure.as_ref().map(Err),
         }
     }
 
@@ -115,22 +123,22 @@ impl Levels {
         if let Some(slot) = self.slots.iter_mut().find(|slot| slot.level == level) {
             slot.idle = 0;
         } else if makes_more {
-            self.slots.push(Slot { level, state: State::Requested, idle: 0 });
+            self.slots.push(Slot::new(level));
         }
     }
 
     /// Makes and uploads the field itself and the levels that were requested in this frame, as far as the allowance
-    /// goes. If one fails, returns its error.
+    /// goes. If one fails for the first time, returns its error.
     pub fn advance(&mut self, uploader: &Uploader, allowance: &mut Allowance) -> Option<FieldTooLarge> {
         let Self { source, faintness, slots } = self;
         let mut failure = None;
         for slot in slots.iter_mut().filter(|slot| slot.idle == 0 || slot.level == Level::default()) {
-            if matches!(slot.state, State::Ready(_) | State::Failed(_)) {
-                continue;
-            }
-            slot.advance(source, faintness, uploader, allowance);
-            if let State::Failed(error) = &slot.state {
-                failure = Some(error.clone());
+            if let Err(error) = slot.advance(source, faintness, uploader, allowance) {
+                slot.state = State::Failed(Instant::now());
+                if slot.failure.is_none() {
+                    failure = Some(error.clone());
+                }
+                slot.failure = Some(error);
             }
         }
         failure
@@ -146,10 +154,10 @@ impl Levels {
         ready.max_by_key(|level| level.coarser()).unwrap_or_default()
     }
 
-    /// Returns whether a level that was requested in the last frame is not ready yet.
+    /// Returns whether a level that was requested in the last frame is not ready yet, and has not failed.
     pub fn are_pending(&self) -> bool {
-        let waits = |state: &State| matches!(state, State::Requested | State::Making(_) | State::Uploading(_));
-        self.slots.iter().any(|slot| slot.idle <= 1 && waits(&slot.state))
+        let waits = |slot: &Slot| slot.failure.is_none() && slot.state.ready().is_none();
+        self.slots.iter().any(|slot| slot.idle <= 1 && waits(slot))
     }
 
     /// Ends the frame: evicts levels that have not been requested for [`IDLE_FRAMES`].
@@ -172,21 +180,28 @@ impl Drop for Levels {
 }
 
 impl Slot {
+    fn new(level: Level) -> Self {
+        Self { level, state: State::Requested, idle: 0, failure: None }
+    }
+
     fn advance(
         &mut self,
         source: &PlenOctree,
         faintness: &Arc<OnceLock<Faintness>>,
         uploader: &Uploader,
         allowance: &mut Allowance,
-    ) {
-        let begin = |data| match Upload::begin(data, uploader) {
-            Ok(upload) => State::Uploading(Box::new(upload)),
-            Err(error) => State::Failed(error),
-        };
+    ) -> Result<(), FieldTooLarge> {
+        let begin = |data| Upload::begin(data, uploader).map(|upload| State::Uploading(Box::new(upload)));
         let is_itself = self.level == Level::default();
+        if let State::Failed(since) = self.state
+            && self.failure.as_ref().is_some_and(|error| error.limit.is_none())
+            && since.elapsed() >= PAUSE
+        {
+            self.state = State::Requested;
+        }
         if let State::Requested = self.state {
             if is_itself && LevelData::is_quick(source) && allowance.allows_more() {
-                self.state = begin(LevelData::new(source.clone()));
+                self.state = begin(LevelData::new(source.clone()))?;
             } else if allowance.free_threads > 0 {
                 allowance.free_threads -= 1;
                 let (level, field, faintness) = (self.level, source.clone(), faintness.clone());
@@ -199,17 +214,27 @@ impl Slot {
             && allowance.allows_more()
             && let Some(data) = block_on(poll_once(task))
         {
-            self.state = begin(data);
+            self.state = begin(data)?;
         }
         if let State::Uploading(upload) = &mut self.state
             && !allowance.is_taken
         {
             match upload.advance(uploader, allowance) {
-                Some(Ok(level)) => self.state = State::Ready(level),
-                Some(Err(error)) => self.state = State::Failed(error),
+                Some(Ok(level)) => {
+                    self.state = State::Ready(level);
+                    self.failure = None;
+                }
+                Some(Err(error)) => {
+                    if self.failure.is_none() {
+                        let message = upload.rejection().unwrap_or_default();
+                        warn!("the driver rejected a field of {} bytes: {message}", error.bytes);
+                    }
+                    return Err(error);
+                }
                 None => allowance.is_taken = true,
             }
         }
+        Ok(())
     }
 }
 

@@ -30,6 +30,9 @@ pub struct FieldReady {
 
 /// A message written in [`PreUpdate`] when the GPU cannot hold a field, or a level of it that a camera or a light
 /// requests ([`PropQuality`](crate::PropQuality)).
+///
+/// If the device does not forbid its size (see [`FieldTooLarge::limit`]), it is tried again every two seconds.
+/// [`FieldReady`] is written if that succeeds. The message is written once, for the first attempt.
 #[derive(Message, Clone, Debug, PartialEq, Eq)]
 pub struct FieldFailed {
     /// The field.

@@ -2,10 +2,7 @@
 
 use std::{borrow::Cow, collections::VecDeque, ops::Range, sync::Arc};
 
-use bevy::{
-    prelude::*,
-    tasks::{Task, block_on, poll_once},
-};
+use bevy::tasks::{Task, block_on, poll_once};
 
 use super::{
     budget::Allowance,
@@ -96,12 +93,15 @@ impl Upload {
             errors.watch(&uploader.device, || self.write(uploader, allowance));
             self.errors = errors;
         }
-        if let Some(error) = self.errors.first() {
-            let bytes = self.level.bytes;
-            warn!("the driver rejected a field of {bytes} bytes: {error}");
-            return Some(Err(FieldTooLarge { what: "textures", bytes, limit: None }));
+        if self.rejection().is_some() {
+            return Some(Err(FieldTooLarge { what: "textures", bytes: self.level.bytes, limit: None }));
         }
         (self.slices.is_empty() && !self.errors.are_pending()).then(|| Ok(self.level.clone()))
+    }
+
+    /// Returns the driver's message if it rejected the level.
+    pub fn rejection(&mut self) -> Option<&str> {
+        self.errors.first()
     }
 
     /// Packs the next slices that must be packed, in the background if there are many.

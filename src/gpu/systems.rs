@@ -24,7 +24,7 @@ use super::{
 };
 
 /// Extracts the fields that Bevy extracted while there was no device, and dropped: it extracts only those again that
-/// had reached the device that was lost.
+/// had reached the device that was lost. Removes those that apps removed: Bevy keeps them while there are handles.
 pub(super) fn extract_missing(
     mut extracted: ResMut<ExtractedAssets<GpuField>>,
     on_gpu: Res<RenderAssets<GpuField>>,
@@ -41,6 +41,7 @@ pub(super) fn extract_missing(
         }
     }
     *before = missing;
+    extracted.removed.extend(on_gpu.iter().map(|(id, _)| id).filter(|id| !fields.contains(*id)));
 }
 
 /// Makes and uploads fields, and the levels that views requested in this frame, as far as the budget allows.

@@ -38,7 +38,8 @@ pub struct FieldTooLarge {
     /// The maximum size that the device allows, in bytes: that of a texture with four words per texel (one word for
     /// densities, and for packed fields a byte for densities, and two words for leaves and the codebook), whose height is
     /// `max_texture_dimension_2d`, and whose width is the same but at most 8192. `None` if the driver ran out of memory
-    /// or rejected a texture: drivers do not report how much is left. The log then contains the driver's message.
+    /// or rejected a texture: drivers do not report how much is left. The log then contains the driver's message, and the
+    /// field is tried again every two seconds.
     pub limit: Option<u64>,
 }
 

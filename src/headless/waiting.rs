@@ -117,5 +117,5 @@ fn for_views(world: &mut World) -> Result<Option<String>, HeadlessError> {
 
 /// Returns the path of a field or, if it has none, its id.
 fn name(world: &World, field: AssetId<PlenOctree>) -> String {
-    field_name(world.get_resource(), field)
+    field_name(world.resource(), field)
 }

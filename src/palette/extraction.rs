@@ -14,7 +14,7 @@ use bevy::{
 };
 use plenoctree::{
     PlenOctree,
-    palette::{Extraction, ExtractionError, ExtractionSettings, PaletteMethod, extract_from_samples, extract_with},
+    palette::{Extraction, ExtractionError, ExtractionSettings, extract_from_samples, extract_with},
     sampling::{Canceled, Progress, SamplingSettings, sample},
 };
 use wgpu::DeviceType;
@@ -58,20 +58,30 @@ pub enum PaletteSampler {
 #[reflect(Resource, Default)]
 #[type_path = "bevy_plenoctree"]
 pub struct PaletteExtraction {
-    /// The settings of extractions. Extractions that are already running keep theirs.
+    /// The settings of extractions. Extractions that are already running keep theirs. Those that failed are tried again
+    /// with other settings.
     ///
     /// Defaults to [`ExtractionSettings::default`]: tones, from all leaves. The method is that of the first posterized
     /// prop or view of the field that names one ([`Posterize::method`](crate::Posterize::method)), unless the
     /// extraction was [requested](Self::request). If all of them name other methods before the palette is ready, the
     /// extraction starts over.
     pub settings: ExtractionSettings,
+    /// Whether fields without a palette get one. Otherwise, only those do whose extraction is
+    /// [requested](Self::request); props of others wait for a palette that you insert. Extractions that are already
+    /// running go on.
+    ///
+    /// Disable it where nobody sees props, such as on a dedicated server: without a GPU, every field that arrives would
+    /// be sampled on the CPU.
+    ///
+    /// Defaults to true.
+    pub automatic: bool,
     /// The processor that samples fields.
     ///
     /// Defaults to [`PaletteSampler::Auto`].
     pub sampler: PaletteSampler,
     /// The GPU time per frame that sampling may take. In addition, palettes of tones look at the field from afar: in
     /// seven views of 96 x 96 rays per frame. With `None`, all of it happens in a single frame, which is meant for apps
-    /// without a window.
+    /// without a window. Changes take effect at once.
     ///
     /// Defaults to 4 ms.
     pub budget: Option<Duration>,
@@ -80,7 +90,7 @@ pub struct PaletteExtraction {
     #[reflect(ignore)]
     running: HashMap<AssetId<PlenOctree>, Running>,
     #[reflect(ignore)]
-    failed: HashMap<AssetId<PlenOctree>, ExtractionError>,
+    failed: HashMap<AssetId<PlenOctree>, (ExtractionSettings, ExtractionError)>,
     #[reflect(ignore)]
     sampled: HashMap<AssetId<PlenOctree>, ExtractionSamples>,
 }
@@ -89,6 +99,7 @@ impl Default for PaletteExtraction {
     fn default() -> Self {
         Self {
             settings: ExtractionSettings::default(),
+            automatic: true,
             sampler: PaletteSampler::default(),
             budget: Some(Duration::from_millis(4)),
             requested: HashMap::new(),
@@ -124,7 +135,7 @@ impl Purpose {
 
 struct Running {
     purpose: Purpose,
-    method: PaletteMethod,
+    settings: ExtractionSettings,
     progress: Arc<Progress>,
     step: Step,
 }
@@ -144,10 +155,10 @@ impl PaletteExtraction {
         self.running.get(&field.into()).map(|running| running.progress.fraction())
     }
 
-    /// Returns why a field's last extraction failed, or `None` if it did not, or if a palette was inserted or removed
-    /// since then.
+    /// Returns why a field's last extraction failed, or `None` if it did not, if it is tried again with other settings,
+    /// or if a palette was inserted or removed since then.
     pub fn error(&self, field: impl Into<AssetId<PlenOctree>>) -> Option<&ExtractionError> {
-        self.failed.get(&field.into())
+        self.failed.get(&field.into()).map(|(_, error)| error)
     }
 
     /// Returns the samples of a field's last successful extraction, or `None` if there was none.
@@ -164,6 +175,21 @@ impl PaletteExtraction {
         let id = field.into();
         self.cancel(id);
         self.requested.insert(id, Purpose::Requested);
+    }
+
+    /// Returns the settings for a field without a palette.
+    fn settings_for(&self, field: AssetId<PlenOctree>, posterized: &Posterized) -> ExtractionSettings {
+        let wanted = posterized.methods().find_map(|(of, method)| method.filter(|_| of == field));
+        ExtractionSettings { method: wanted.unwrap_or(self.settings.method), ..self.settings.clone() }
+    }
+
+    /// Returns whether the extraction of a field failed, and would fail again.
+    fn has_failed(&self, field: AssetId<PlenOctree>, posterized: &Posterized) -> bool {
+        self.failed.get(&field).is_some_and(|(settings, _)| {
+            let now = self.settings_for(field, posterized);
+            // Those that are invalid may differ from themselves.
+            now == *settings || now.validate().is_err()
+        })
     }
 
     /// Cancels the extraction of a field and returns what it was for, if there was one.
@@ -222,12 +248,12 @@ pub(super) fn start(
     palettes: Res<Palettes>,
     fields: Res<Assets<PlenOctree>>,
     adapter: Option<Res<RenderAdapterInfo>>,
-    server: Option<Res<AssetServer>>,
+    server: Res<AssetServer>,
     posterized: Posterized,
 ) {
     let is_unwanted = |(id, running): &(&AssetId<PlenOctree>, &Running)| {
         !running.purpose.applies(**id, &palettes)
-            || running.purpose != Purpose::Requested && posterized.reject(**id, running.method)
+            || running.purpose != Purpose::Requested && posterized.reject(**id, running.settings.method)
     };
     let unwanted: Vec<_> = extraction.running.iter().filter(is_unwanted).map(|(id, _)| *id).collect();
     for id in unwanted {
@@ -236,7 +262,10 @@ pub(super) fn start(
         }
     }
     let missing = posterized.fields().filter(|id| {
-        palettes.lacks(*id) && !extraction.failed.contains_key(id) && !extraction.running.contains_key(id)
+        extraction.automatic
+            && palettes.lacks(*id)
+            && !extraction.has_failed(*id, &posterized)
+            && !extraction.running.contains_key(id)
     });
     let ids: HashSet<_> = extraction.requested.keys().copied().chain(missing).collect();
     let on_gpu = adapter.is_some_and(|adapter| match extraction.sampler {
@@ -252,12 +281,12 @@ pub(super) fn start(
             continue;
         };
         let purpose = extraction.requested.remove(&id).unwrap_or(Purpose::Missing);
-        let mut settings = extraction.settings.clone();
-        if purpose != Purpose::Requested {
-            let wanted = posterized.methods().find_map(|(field, method)| method.filter(|_| field == id));
-            settings.method = wanted.unwrap_or(settings.method);
-        }
-        let (method, progress) = (settings.method, Arc::new(settings.progress()));
+        let settings = match purpose {
+            Purpose::Requested => extraction.settings.clone(),
+            Purpose::Missing | Purpose::Outdated => extraction.settings_for(id, &posterized),
+        };
+        extraction.failed.remove(&id);
+        let progress = Arc::new(settings.progress());
         let is_valid = settings.validate().is_ok();
         // The CPU reads what the file records, and rejects invalid settings.
         let origin = if is_valid && field.histograms(&settings.sampling).is_some() {
@@ -268,35 +297,27 @@ pub(super) fn start(
             SampleOrigin::Cpu
         };
         if is_valid {
-            let (name, leaves) = (field_name(server.as_deref(), id), field.leaves());
+            let (name, leaves) = (field_name(&server, id), field.leaves());
             info!("extracting the palette of {name}: {leaves} leaves, sampled {origin}");
         }
         let step = match origin {
             SampleOrigin::Gpu => {
-                let (field, budget, progress) = (field.clone(), extraction.budget, progress.clone());
-                let plan = move || background::on_cores(|| SamplingJob::new(id, field, settings, budget, progress));
+                let (field, settings, progress) = (field.clone(), settings.clone(), progress.clone());
+                let plan = move || background::on_cores(|| SamplingJob::new(id, field, settings, progress));
                 Step::Planning(background::spawn(plan), Instant::now())
             }
-            _ => sample_on_cpu(field.clone(), origin, settings, progress.clone()),
+            SampleOrigin::Recorded | SampleOrigin::Cpu => {
+                let (field, settings, progress) = (field.clone(), settings.clone(), progress.clone());
+                compute(move || extract_on_cpu(&field, origin, &settings, &progress))
+            }
         };
-        extraction.running.insert(id, Running { purpose, method, progress, step });
+        extraction.running.insert(id, Running { purpose, settings, progress, step });
     }
 }
 
 /// Returns the path of a field or, if it has none, its id.
-pub(crate) fn field_name(server: Option<&AssetServer>, field: AssetId<PlenOctree>) -> String {
-    let path = server.and_then(|server| server.get_path(field));
-    path.map_or_else(|| format!("field {field}"), |path| path.to_string())
-}
-
-/// Starts a task that samples a field on all cores but one, or reads what its file records, and computes the palette.
-fn sample_on_cpu(
-    field: PlenOctree,
-    origin: SampleOrigin,
-    settings: ExtractionSettings,
-    progress: Arc<Progress>,
-) -> Step {
-    compute(move || extract_on_cpu(&field, origin, &settings, &progress))
+pub(crate) fn field_name(server: &AssetServer, field: AssetId<PlenOctree>) -> String {
+    server.get_path(field).map_or_else(|| format!("field {field}"), |path| path.to_string())
 }
 
 /// Starts a task that computes a palette on all cores but one.
@@ -304,6 +325,7 @@ fn compute(work: impl FnOnce() -> Result<(Extraction, ExtractionSamples), Extrac
     Step::Computing(background::spawn(move || background::on_cores(work)))
 }
 
+/// Samples a field, or reads what its file records, and computes the palette.
 fn extract_on_cpu(
     field: &PlenOctree,
     origin: SampleOrigin,
@@ -321,10 +343,14 @@ pub(super) fn finish(
     mut jobs: ResMut<SamplingJobs>,
     mut palettes: ResMut<Palettes>,
     mut messages: MessageWriter<PaletteFailed>,
-    server: Option<Res<AssetServer>>,
+    server: Res<AssetServer>,
 ) {
-    if jobs.0.iter().any(|job| !job.is_open()) {
-        jobs.0.retain(|job| job.is_open());
+    // Jobs are extracted whenever they change.
+    if jobs.open.iter().any(|job| !job.is_open()) {
+        jobs.open.retain(|job| job.is_open());
+    }
+    if jobs.budget != extraction.budget {
+        jobs.budget = extraction.budget;
     }
     if extraction.running.is_empty() {
         return;
@@ -338,7 +364,7 @@ pub(super) fn finish(
                     None => {}
                     Some(Ok(job)) => {
                         let job = Arc::new(job);
-                        jobs.0.push(job.clone());
+                        jobs.open.push(job.clone());
                         running.step = Step::Sampling(job, *start);
                     }
                     Some(Err(Canceled)) => return false,
@@ -360,8 +386,7 @@ pub(super) fn finish(
             Ok(_) if !running.purpose.applies(*id, &palettes) => {}
             Ok((extraction, samples)) => {
                 let (count, of) = (extraction.palette.colors.len(), extraction.report.radiance_samples);
-                let (name, origin, seconds) =
-                    (field_name(server.as_deref(), *id), samples.origin, extraction.report.seconds);
+                let (name, origin, seconds) = (field_name(&server, *id), samples.origin, extraction.report.seconds);
                 info!(
                     "extracted {count} colors of {name} from {of} radiance samples, taken {origin}: {:.2} s of \
                      sampling, {:.2} s of computing",
@@ -372,9 +397,9 @@ pub(super) fn finish(
                 sampled.insert(*id, samples);
             }
             Err(error) => {
-                error!("failed to extract the palette of {}: {error}", field_name(server.as_deref(), *id));
+                error!("failed to extract the palette of {}: {error}", field_name(&server, *id));
                 messages.write(PaletteFailed { field: *id, error: error.clone() });
-                failed.insert(*id, error);
+                failed.insert(*id, (running.settings.clone(), error));
             }
         }
         false
@@ -398,7 +423,7 @@ fn after_sampling(job: &SamplingJob, outcome: Result<RawSamples, SamplingFailure
 
 #[cfg(test)]
 mod tests {
-    use plenoctree::{BakeSettings, bake};
+    use plenoctree::{BakeSettings, bake, palette::PaletteMethod};
 
     use super::*;
     use crate::{PlenOctreePlugin, Posterize, Prop};
@@ -430,7 +455,7 @@ mod tests {
     /// Returns the method and the progress of a field's extraction, if one is running.
     fn running(app: &App, field: &Handle<PlenOctree>) -> Option<(PaletteMethod, Arc<Progress>)> {
         let running = app.world().resource::<PaletteExtraction>().running.get(&field.id())?;
-        Some((running.method, running.progress.clone()))
+        Some((running.settings.method, running.progress.clone()))
     }
 
     /// Nothing is computed for a field that has been given a palette.

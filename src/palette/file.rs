@@ -55,17 +55,16 @@ impl AssetLoader for PaletteLoader {
 }
 
 /// Looks for palette files next to the fields that need a palette and have none.
-pub(super) fn seek(mut palettes: ResMut<Palettes>, server: Option<Res<AssetServer>>, posterized: Posterized) {
+pub(super) fn seek(mut palettes: ResMut<Palettes>, server: Res<AssetServer>, posterized: Posterized) {
     let palettes = palettes.bypass_change_detection();
     for id in posterized.fields() {
         if palettes.by_field.contains_key(&id) || palettes.files.contains_key(&id) {
             continue;
         }
-        let path = server.as_ref().and_then(|server| Some((server, server.get_path(id)?.into_owned())));
-        let file = path.map_or(PaletteSource::Missing, |(server, field)| {
+        let file = server.get_path(id).map_or(PaletteSource::Missing, |field| {
             let path = field.path().with_extension(EXTENSION);
             let path = AssetPath::from_path_buf(path).with_source(field.source().clone_owned());
-            let server = AssetServer::clone(server);
+            let server = AssetServer::clone(&server);
             PaletteSource::Sought(IoTaskPool::get().spawn(async move { exists(&server, &path).await.then_some(path) }))
         });
         palettes.files.insert(id, file);
@@ -99,7 +98,7 @@ async fn exists(server: &AssetServer, path: &AssetPath<'_>) -> bool {
 /// Assigns palettes to their fields when they have loaded or changed.
 pub(super) fn load(
     mut palettes: ResMut<Palettes>,
-    server: Option<Res<AssetServer>>,
+    server: Res<AssetServer>,
     loaded: Res<Assets<Palette>>,
     mut changes: MessageReader<AssetEvent<Palette>>,
     mut fields: MessageReader<AssetEvent<PlenOctree>>,
@@ -131,10 +130,7 @@ pub(super) fn load(
             PaletteSource::Sought(task) => {
                 if let Some(path) = block_on(poll_once(task)) {
                     // If an unapproved path was allowed for the field, it is allowed for the file next to it.
-                    let load = |(path, server): (_, &Res<AssetServer>)| {
-                        server.load_builder().override_unapproved().load::<Palette>(path)
-                    };
-                    let handle = path.zip(server.as_ref()).map(load);
+                    let handle = path.map(|path| server.load_builder().override_unapproved().load::<Palette>(path));
                     *file = handle.map_or(PaletteSource::Missing, PaletteSource::Expected);
                 }
             }
@@ -156,7 +152,7 @@ pub(super) fn load(
                         arrived.push(PaletteReady { field: *field, sampled: None });
                     }
                     *file = PaletteSource::Loaded(handle.clone());
-                } else if server.as_ref().is_some_and(|server| has_failed(server, handle)) {
+                } else if has_failed(&server, handle) {
                     *file = PaletteSource::Failed(handle.clone());
                 }
             }
@@ -169,5 +165,9 @@ pub(super) fn load(
 }
 
 fn has_failed(server: &AssetServer, handle: &Handle<Palette>) -> bool {
+    if *handle == Handle::default() {
+        warn!("the handle of a palette is a default one, which nothing loads, expected that of a palette file");
+        return true;
+    }
     matches!(server.get_load_state(handle), Some(LoadState::Failed(_)))
 }

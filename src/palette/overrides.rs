@@ -191,6 +191,17 @@ impl PaletteOverride {
         result
     }
 
+    /// Lets the override of a ramp follow its new name. Returns whether there is one.
+    #[cfg(feature = "egui")]
+    pub(crate) fn rename_ramp(&mut self, old: &str, new: &str) -> bool {
+        let is_known = self.ramps.iter().any(|(name, _)| name == old);
+        if is_known {
+            self.unset_ramp(new);
+            self.ramps.iter_mut().filter(|(name, _)| name == old).for_each(|(name, _)| *name = new.into());
+        }
+        is_known
+    }
+
     /// Removes the override of color `index`. Those of ramps stay.
     pub fn unset(&mut self, index: usize) {
         if let Some(color) = self.colors.get_mut(index) {

@@ -288,14 +288,11 @@ impl FieldPalette {
     ) -> Result<(), InvalidRamps> {
         let mut edited = self.palette.clone();
         edit(&mut edited)?;
-        let valid = Palette { ramps: edited.ramps, ..self.palette.clone() };
-        match valid.validate() {
-            Err(InvalidPalette::Ramps(error)) => Err(error),
-            _ => {
-                self.palette = valid;
-                Ok(())
-            }
-        }
+        let new = Palette { ramps: edited.ramps, ..self.palette.clone() };
+        // The rest may be invalid, if it was made by hand.
+        new.validate_ramps()?;
+        self.palette = new;
+        Ok(())
     }
 
     /// Resets the shown colors to the source colors.
@@ -349,7 +346,8 @@ impl Palettes {
 
     /// Sets the palette of a field from an asset as soon as it is loaded, and again whenever it changes.
     /// [`PaletteReady`](crate::PaletteReady) is written whenever that changes the palette. If the asset fails to load,
-    /// the field keeps its current palette; if it has none, one is extracted.
+    /// the field keeps its current palette; if it has none, one is extracted. A default handle counts as one that
+    /// fails.
     ///
     /// Call it once: every call sets the palette again, so that changes of its shown colors are lost.
     ///

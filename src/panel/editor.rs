@@ -25,7 +25,7 @@ type PropData = (
     &'static Prop,
     Option<&'static mut Posterize>,
     Option<&'static Stashed<Posterize>>,
-    Option<&'static Stashed<PaletteOverride>>,
+    Option<&'static mut Stashed<PaletteOverride>>,
     Option<&'static mut PaletteOverride>,
 );
 
@@ -108,69 +108,91 @@ impl PaletteEditor<'_, '_> {
     /// the field's palette.
     pub(super) fn edit(&mut self, prop: Entity, field: AssetId<PlenOctree>, edit: Edit) {
         let own = self.props.get_mut(prop).ok().and_then(|(.., own)| own);
+        if let (Edit::Colors(edit), Some(mut own)) = (&edit, own) {
+            if let Some(palette) = self.palettes.get(field) {
+                recolor_own(&mut own, palette, *edit);
+            }
+            return;
+        }
+        let Some(palette) = self.palettes.get_mut(field) else { return };
         // An edit of the user's that ramps cannot take, such as a name that another one has, changes nothing.
-        match (edit, own) {
-            (Edit::Rename(ramp, name), _) => {
-                let palette = self.palettes.get_mut(field);
-                _ = palette.map(|palette| palette.edit_ramps(|palette| palette.rename_ramp(ramp, name)));
-            }
-            (Edit::Move(tone, ramp), _) => {
-                let palette = self.palettes.get_mut(field);
-                _ = palette.map(|palette| palette.edit_ramps(|palette| palette.move_tone(tone, ramp)));
-            }
-            (edit, Some(mut own)) => {
-                if let Some(palette) = self.palettes.get(field) {
-                    recolor_own(&mut own, palette, edit);
+        match edit {
+            Edit::Colors(edit) => recolor_field(palette, edit),
+            Edit::Rename(ramp, new) => {
+                let Some(old) = palette.ramps().get(ramp).map(|ramp| ramp.name.clone()) else { return };
+                if palette.edit_ramps(|palette| palette.rename_ramp(ramp, new.clone())).is_ok() {
+                    self.rename_in_overrides(field, &old, &new);
                 }
             }
-            (edit, None) => {
-                if let Some(palette) = self.palettes.get_mut(field) {
-                    recolor_field(palette, edit);
-                }
+            Edit::Move(tone, ramp) => _ = palette.edit_ramps(|palette| palette.move_tone(tone, ramp)),
+        }
+    }
+
+    /// Lets the overrides of all props of a field follow the new name of a ramp.
+    fn rename_in_overrides(&mut self, field: AssetId<PlenOctree>, old: &str, new: &str) {
+        for (prop, .., stashed, own) in &mut self.props {
+            if let Some(mut stashed) = stashed.filter(|stashed| stashed.1 == field) {
+                stashed.0.rename_ramp(old, new);
+            }
+            if let Some(mut own) = own.filter(|_| prop.0.id() == field)
+                && own.bypass_change_detection().rename_ramp(old, new)
+            {
+                own.set_changed();
             }
         }
     }
 }
 
-fn recolor_own(own: &mut PaletteOverride, palette: &FieldPalette, edit: Edit) {
+fn recolor_own(own: &mut PaletteOverride, palette: &FieldPalette, edit: ColorEdit) {
     match edit {
-        Edit::Set(index, color) => _ = own.set(index, color),
-        Edit::Reset(index) => own.unset(index),
-        Edit::ResetAll => own.reset(),
-        Edit::SetRamp(ramp, _) | Edit::ResetRamp(ramp) => {
+        ColorEdit::Set(index, color) => _ = own.set(index, color),
+        ColorEdit::Reset(index) => own.unset(index),
+        ColorEdit::ResetAll => own.reset(),
+        ColorEdit::SetRamp(ramp, _) | ColorEdit::ResetRamp(ramp) => {
             if let Some(ramp) = palette.ramps().get(ramp) {
                 ramp.tones.iter().for_each(|tone| own.unset(*tone));
                 match edit {
-                    Edit::SetRamp(_, color) => own.set_ramp(&ramp.name, color),
+                    ColorEdit::SetRamp(_, color) => own.set_ramp(&ramp.name, color),
                     _ => own.unset_ramp(&ramp.name),
                 }
             }
         }
-        Edit::Rename(..) | Edit::Move(..) => {}
     }
 }
 
-fn recolor_field(palette: &mut FieldPalette, edit: Edit) {
+fn recolor_field(palette: &mut FieldPalette, edit: ColorEdit) {
     match edit {
-        Edit::Set(index, color) => _ = palette.set(index, color),
-        Edit::Reset(index) => _ = palette.set(index, source_color(palette, index)),
-        Edit::ResetAll => palette.reset(),
-        Edit::SetRamp(ramp, color) => _ = palette.set_ramp(ramp, color),
-        Edit::ResetRamp(ramp) => _ = palette.adjust_ramp(ramp, &RampAdjustment::default()),
-        Edit::Rename(..) | Edit::Move(..) => {}
+        ColorEdit::Set(index, color) => _ = palette.set(index, color),
+        ColorEdit::Reset(index) => _ = palette.set(index, source_color(palette, index)),
+        ColorEdit::ResetAll => palette.reset(),
+        ColorEdit::SetRamp(ramp, color) => _ = palette.set_ramp(ramp, color),
+        ColorEdit::ResetRamp(ramp) => _ = palette.adjust_ramp(ramp, &RampAdjustment::default()),
     }
 }
 
-/// An edit of shown colors, or of ramps, by the user.
+/// An edit by the user.
 pub(super) enum Edit {
+    Colors(ColorEdit),
+    /// Renames a ramp.
+    Rename(usize, String),
+    /// Moves a tone to a ramp.
+    Move(usize, usize),
+}
+
+/// An edit of shown colors.
+#[derive(Clone, Copy)]
+pub(super) enum ColorEdit {
     Set(usize, Color),
     Reset(usize),
     ResetAll,
     SetRamp(usize, Color),
     ResetRamp(usize),
-    Rename(usize, String),
-    /// Moves a tone to a ramp.
-    Move(usize, usize),
+}
+
+impl From<ColorEdit> for Edit {
+    fn from(edit: ColorEdit) -> Self {
+        Self::Colors(edit)
+    }
 }
 
 /// Returns a source color, or black if the palette has no color of that index.

@@ -5,7 +5,7 @@ use bevy_egui::egui;
 
 use super::{
     colors::{Colors, edit_swatch},
-    editor::Edit,
+    editor::{ColorEdit, Edit},
 };
 
 /// The size of a ramp's color.
@@ -41,7 +41,7 @@ fn row(ui: &mut egui::Ui, colors: &Colors, ramp: usize) -> Option<Edit> {
         edit = Some(Edit::Rename(ramp, name));
     }
     if let Some(color) = edit_swatch(ui, colors.ramp_color(ramp), RAMP) {
-        edit = Some(Edit::SetRamp(ramp, color));
+        edit = Some(ColorEdit::SetRamp(ramp, color).into());
     }
     ui.spacing_mut().item_spacing.x = 1.0;
     let room = (ui.available_width() - REST) / tones.len().max(1) as f32 - 1.0;
@@ -49,12 +49,12 @@ fn row(ui: &mut egui::Ui, colors: &Colors, ramp: usize) -> Option<Edit> {
     for &tone in tones {
         let id = ui.id().with(("tone", tone));
         let changed = ui.dnd_drag_source(id, Dragged(tone), |ui| edit_swatch(ui, colors.shown[tone], size)).inner;
-        edit = changed.map(|color| Edit::Set(tone, color)).or(edit);
+        edit = changed.map(|color| ColorEdit::Set(tone, color).into()).or(edit);
     }
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
         let edited = tones.iter().any(|tone| colors.is_edited(*tone));
         if ui.add_enabled(edited, egui::Button::new("Reset").small()).clicked() {
-            edit = Some(Edit::ResetRamp(ramp));
+            edit = Some(ColorEdit::ResetRamp(ramp).into());
         }
         let share: f64 = tones.iter().map(|tone| colors.share(*tone)).sum();
         ui.label(format!("{share:.1}%"));

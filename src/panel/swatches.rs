@@ -7,7 +7,7 @@ use plenoctree::PlenOctree;
 
 use super::{
     colors::{Colors, bytes, edit_swatch, hex},
-    editor::{Edit, PaletteEditor, source_color},
+    editor::{ColorEdit, Edit, PaletteEditor, source_color},
     ramps,
 };
 
@@ -22,7 +22,7 @@ pub(super) fn show(ui: &mut egui::Ui, prop: Entity, field: AssetId<PlenOctree>, 
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let edited = colors.as_ref().is_some_and(Colors::any_edited);
             if ui.add_enabled(edited, egui::Button::new("Reset all")).clicked() {
-                edit = Some(Edit::ResetAll);
+                edit = Some(ColorEdit::ResetAll.into());
             }
         });
     });
@@ -62,12 +62,12 @@ fn grid(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
             ui.weak(index.to_string());
             swatch(ui, source_color(colors.palette, index));
             if let Some(color) = edit_swatch(ui, colors.shown[index], SWATCH) {
-                edit = Some(Edit::Set(index, color));
+                edit = Some(ColorEdit::Set(index, color).into());
             }
             let share = format!("{:.1}%", colors.share(index));
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.label(share));
             if ui.add_enabled(colors.is_edited(index), egui::Button::new("Reset").small()).clicked() {
-                edit = Some(Edit::Reset(index));
+                edit = Some(ColorEdit::Reset(index).into());
             }
             ui.end_row();
         }

@@ -211,6 +211,29 @@ fn ramps_are_renamed() {
     assert_eq!(panel.palette().ramps()[1].name, "foot");
 }
 
+/// Overrides refer to ramps by name: those of other props of the field follow, also if they are put away.
+#[test]
+fn overrides_follow_the_names_of_ramps() {
+    let mut panel = Panel::new();
+    panel.split();
+    let red = PaletteOverride::default().with_ramp("stem", Color::srgb(0.7, 0.1, 0.1)).with_ramp("foot", Color::BLACK);
+    let expected = red.clone().shown(panel.palette());
+    let mut fields = panel.world.resource_mut::<Assets<PlenOctree>>();
+    let field = fields.get(&panel.field).unwrap().clone();
+    let other = fields.add(field);
+    let siblings = [panel.field.clone(), other].map(|field| panel.world.spawn((Prop(field), red.clone())).id());
+    panel.world.entity_mut(panel.prop).insert(red.clone());
+    panel.click("Override colors");
+    panel.click("stem");
+    panel.replace("foot");
+    panel.click("Override colors");
+    assert_eq!(panel.palette().ramps()[1].name, "foot");
+    for prop in [panel.prop, siblings[0]] {
+        assert_eq!(panel.world.get::<PaletteOverride>(prop).unwrap().shown(panel.palette()), expected);
+    }
+    assert_eq!(panel.world.get(siblings[1]), Some(&red));
+}
+
 /// Colors in no ramp are below the ramps.
 #[test]
 fn colors_in_no_ramp_are_shown() {

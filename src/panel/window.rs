@@ -44,8 +44,8 @@ impl Plugin for PalettePanelPlugin {
 /// Controls the window of [`PalettePanelPlugin`].
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PalettePanel {
-    /// The entity whose [`Prop`] is edited. If it is `None`, or not a prop, the window selects the only prop or, if
-    /// there are several, lets the user choose.
+    /// The entity whose [`Prop`] is edited. If it is `None`, or not a prop, the window shows the only prop or, if there
+    /// are several, lets the user choose. Only the user's choice changes it.
     ///
     /// Defaults to `None`.
     pub prop: Option<Entity>,
@@ -105,21 +105,26 @@ fn show(
     let Ok(context) = contexts.ctx_mut() else {
         return;
     };
-    let mut selected = *panel;
-    selected.prop = panel.prop.filter(|prop| props.contains(*prop)).or(props.single().ok().map(|(prop, _)| prop));
-    let window = egui::Window::new("Palette").open(&mut selected.open).default_size([300.0, 640.0]).vscroll(true);
+    let mut edited = *panel;
+    // The chosen entity may become a prop later.
+    let shown = panel.prop.filter(|prop| props.contains(*prop)).or(props.single().ok().map(|(prop, _)| prop));
+    let window = egui::Window::new("Palette").open(&mut edited.open).default_size([300.0, 640.0]).vscroll(true);
     window.show(context, |ui| {
+        let mut selected = shown;
         if props.iter().len() > 1 {
-            select(ui, &mut selected.prop, &props);
+            select(ui, &mut selected, &props);
         }
-        match selected.prop {
+        if selected != shown {
+            edited.prop = selected;
+        }
+        match selected {
             Some(prop) => palette_ui(ui, prop, &mut editor),
             None => {
                 ui.weak("No prop is selected.");
             }
         }
     });
-    panel.set_if_neq(selected);
+    panel.set_if_neq(edited);
 }
 
 fn select(ui: &mut egui::Ui, selected: &mut Option<Entity>, props: &Query<(Entity, Option<&Name>), With<Prop>>) {

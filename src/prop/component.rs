@@ -21,6 +21,10 @@ use super::{drawn::DrawnField, progress::PropProgress, state::PropState};
 /// [`PropState`] says whether the prop can be drawn yet, and [`PropProgress`] how close it is. If it is given another
 /// field, the previous one is drawn until the new one can be. A prop with a default handle waits until it is given
 /// another one.
+///
+/// To animate a field, load its frames as fields of their own, and give the prop one handle after the other. If a field
+/// is replaced in [`Assets`] instead, its new version arrives from the start: one that is replaced again before it has
+/// arrived is never drawn.
 #[derive(Component, Clone, Debug, FromTemplate, Reflect)]
 #[reflect(Component, Clone, Debug)]
 #[type_path = "bevy_plenoctree"]

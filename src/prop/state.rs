@@ -54,7 +54,8 @@ pub enum PropState {
     /// The prop is drawn wherever a camera sees it. It stays ready if cameras need other pipelines later: if their
     /// [`Msaa`] or format changes, props may be missing for the frames in which these are compiled.
     Ready,
-    /// The prop cannot be drawn as it should be. Waiting does not help.
+    /// The prop cannot be drawn as it should be. Waiting does not help, unless memory becomes free
+    /// ([`PropError::TooLarge`]).
     Failed(PropError),
 }
 
@@ -78,7 +79,8 @@ pub enum PropError {
     #[error("{0}")]
     Load(String),
     /// The GPU cannot hold the field. The prop is not drawn. If its field was reloaded or replaced, the earlier one is
-    /// still drawn.
+    /// still drawn. If memory ran out, the prop is drawn once there is enough: see
+    /// [`FieldFailed`](crate::FieldFailed).
     #[error(transparent)]
     TooLarge(FieldTooLarge),
     /// No palette could be extracted. The prop is drawn as trained.

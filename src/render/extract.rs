@@ -27,6 +27,7 @@ use crate::{
     prop::{DrawnField, Prop, PropTint, SolidOpacity},
     quality::PropQuality,
     recolor::{Recolor, before_palette},
+    state::DrawnOverride,
 };
 
 /// Every prop that a camera may see in this frame.
@@ -235,7 +236,7 @@ type PropColors = (
     Option<&'static PropTint>,
     Option<&'static Posterize>,
     Option<&'static Recolor>,
-    Option<&'static PaletteOverride>,
+    (Option<&'static PaletteOverride>, Option<&'static DrawnOverride>),
     Option<&'static Ink>,
     Option<&'static PropLighting>,
 );
@@ -259,7 +260,7 @@ pub(super) fn extract_props(
     on_gpu: Res<RenderAssets<GpuField>>,
     palettes: Extract<Res<Palettes>>,
     extraction: Extract<Res<PaletteExtraction>>,
-    (server, shaders): (Extract<Option<Res<AssetServer>>>, Extract<Res<Assets<Shader>>>),
+    (server, shaders): (Extract<Res<AssetServer>>, Extract<Res<Assets<Shader>>>),
     props: Extract<
         Query<(Entity, (&Prop, &DrawnField), Option<&SolidOpacity>, PropColors, &GlobalTransform, &ViewVisibility)>,
     >,
@@ -269,12 +270,12 @@ pub(super) fn extract_props(
     list.clear();
     colors.begin();
     index.clear();
-    for (entity, (prop, drawn), solid, (tint, posterize, recolor, own, ink, lighting), transform, visibility) in &props
-    {
+    for (entity, (prop, drawn), solid, colored, transform, visibility) in &props {
+        let (tint, posterize, recolor, (own, kept), ink, lighting) = colored;
         if !visibility.get() {
             continue;
         }
-        let mut push = |handle: &Handle<PlenOctree>, stand_in| {
+        let mut push = |handle: &Handle<PlenOctree>, own: Option<&PaletteOverride>, stand_in| {
             let field = fields.get(handle)?;
             // After a reload, the earlier version is drawn until the new one has arrived.
             let field = on_gpu.get(handle).and_then(GpuField::drawn_field).unwrap_or(field);
@@ -306,10 +307,10 @@ pub(super) fn extract_props(
             });
             Some(list.len() - 1)
         };
-        let stand_in = drawn.stand_in(&prop.0).and_then(|field| push(field, None));
+        let stand_in = drawn.stand_in(&prop.0).and_then(|field| push(field, kept.map(|kept| &kept.0), None));
         let hides = before_palette(posterize, recolor) == Some(BeforePalette::Hide);
         let waits = hides && palettes.get(&prop.0).is_none() && extraction.error(&prop.0).is_none();
-        let own = if waits { None } else { push(&prop.0, stand_in) };
+        let own = if waits { None } else { push(&prop.0, own, stand_in) };
         if let Some(drawn) = own.or(stand_in) {
             index.insert(entity, drawn);
         }
@@ -338,7 +339,7 @@ pub(super) fn extract_props(
         (view.view_posterize, view.placement, view.quality, view.ink) = (view_posterize, placement, quality, ink);
         view.stages.clear();
         // Nothing waits for shaders that failed to load, or that nothing loads.
-        let fails = |stage: &Handle<Shader>| match server.as_ref().and_then(|server| server.get_load_state(stage)) {
+        let fails = |stage: &Handle<Shader>| match server.get_load_state(stage) {
             Some(state) => matches!(state, LoadState::Failed(_)),
             None => !shaders.contains(stage),
         };

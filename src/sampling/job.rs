@@ -33,8 +33,6 @@ pub(crate) struct SamplingJob {
     pub id: AssetId<PlenOctree>,
     pub field: PlenOctree,
     pub settings: ExtractionSettings,
-    /// The GPU time per frame, or `None` for no limit.
-    pub budget: Option<Duration>,
     pub progress: Arc<Progress>,
     /// Twice the center of every sampled leaf, in cells of a tree of depth [`MAX_DEPTH`], and the index of the leaf.
     pub leaves: Vec<[u32; 4]>,
@@ -102,7 +100,6 @@ impl SamplingJob {
         id: AssetId<PlenOctree>,
         field: PlenOctree,
         settings: ExtractionSettings,
-        budget: Option<Duration>,
         progress: Arc<Progress>,
     ) -> Result<Self, Canceled> {
         let plan = SamplingPlan::new(&field, &settings.sampling, &progress)?;
@@ -123,7 +120,6 @@ impl SamplingJob {
             id,
             field,
             settings,
-            budget,
             progress,
             state: Mutex::new(State::Open),
         })
@@ -154,6 +150,11 @@ impl SamplingJob {
     }
 }
 
-/// The jobs that are waiting or in progress, in the order in which they were requested.
+/// What there is to sample.
 #[derive(Resource, Clone, Default, ExtractResource)]
-pub(crate) struct SamplingJobs(pub Vec<Arc<SamplingJob>>);
+pub(crate) struct SamplingJobs {
+    /// The jobs that are waiting or in progress, in the order in which they were requested.
+    pub open: Vec<Arc<SamplingJob>>,
+    /// The GPU time per frame, or `None` for no limit.
+    pub budget: Option<Duration>,
+}

@@ -1,6 +1,6 @@
 //! Samples the leaves of a field and renders its views, slice by slice.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
 use bevy::{
     prelude::*,
@@ -43,6 +43,8 @@ pub(super) struct ActiveSampling(Option<Active>);
 
 struct Active {
     job: Arc<SamplingJob>,
+    /// The GPU time per frame, or `None` for no limit.
+    budget: Option<Duration>,
     field: Arc<GpuLevel>,
     layout: BindGroupLayout,
     uniform: SliceUniform,
@@ -83,17 +85,18 @@ pub(super) fn advance_sampling(
     }
     if active.0.is_none() {
         // Fields whose upload is pending are sampled later.
-        let waiting = jobs.0.iter().filter(|job| job.is_open());
+        let waiting = jobs.open.iter().filter(|job| job.is_open());
         let uploaded = |job: &Arc<SamplingJob>| fields.get(job.id).filter(|field| field.outcome().is_some());
         let Some((job, field)) = waiting.filter_map(|job| Some((job, uploaded(job)?))).next() else {
             return;
         };
-        match Active::new(job, field, &pipeline, &cache, &device, &queue) {
+        match Active::new(job, jobs.budget, field, &pipeline, &cache, &device, &queue) {
             Ok(started) => active.0 = Some(started),
             Err(failure) => return job.end(Err(failure)),
         }
     }
     let Some(current) = &mut active.0 else { return };
+    current.budget = jobs.budget;
     let mut find = |sampled| {
         let id = pipelines.specialize(&cache, &pipeline, (current.field.shape, sampled));
         match cache.get_compute_pipeline_state(id) {
@@ -117,6 +120,7 @@ pub(super) fn advance_sampling(
 impl Active {
     fn new(
         job: &Arc<SamplingJob>,
+        budget: Option<Duration>,
         field: &GpuField,
         pipeline: &SamplingPipeline,
         cache: &PipelineCache,
@@ -155,12 +159,13 @@ impl Active {
         let observers = bytemuck::cast_slice(&job.observers);
         let observers = storage(&mut allocator, device, queue, "plenoctree_observers", observers)?;
         let layout = cache.get_bind_group_layout(&pipeline.views_layout);
-        let most = job.budget.map_or(usize::MAX, |_| VIEWS);
+        let most = budget.map_or(usize::MAX, |_| VIEWS);
         let views = Views::new(job, most, &layout, &mut allocator, device, queue)?;
         let share = job.field.leaves() as f64 / job.leaves.len().max(1) as f64;
         job.progress.begin(job.leaves.len());
         Ok(Self {
             job: job.clone(),
+            budget,
             field: field.clone(),
             layout: cache.get_bind_group_layout(&pipeline.leaves_layout),
             uniform,
@@ -203,7 +208,7 @@ impl Active {
         if !self.upload_lattice(queue) {
             return Ok(());
         }
-        match self.job.budget {
+        match self.budget {
             None => {
                 while self.next < self.leaves() {
                     self.submit(self.most, pipeline, device, queue)?;
@@ -233,7 +238,7 @@ impl Active {
     fn upload_lattice(&mut self, queue: &RenderQueue) -> bool {
         let (Some(uploaded), Some(lattice)) = (&mut self.words, &self.job.lattice) else { return true };
         let rest = &lattice.words[*uploaded..];
-        let next = &rest[..rest.len().min(self.job.budget.map_or(usize::MAX, |_| MOST_WORDS))];
+        let next = &rest[..rest.len().min(self.budget.map_or(usize::MAX, |_| MOST_WORDS))];
         if !next.is_empty() {
             queue.write_buffer(&self.lattice, 4 * *uploaded as u64, bytemuck::cast_slice(next));
         }
@@ -268,7 +273,7 @@ impl Active {
                 self.lattice.as_entire_buffer_binding(),
             )),
         );
-        let clock = SliceClock::new(leaves, self.job.budget.is_some(), device);
+        let clock = SliceClock::new(leaves, self.budget.is_some(), device);
         let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
@@ -297,7 +302,7 @@ impl Active {
     fn look(&mut self, pipeline: Option<&ComputePipeline>, device: &RenderDevice, queue: &RenderQueue) -> bool {
         let views = self.views.as_mut().filter(|views| !views.is_done());
         let Some((views, pipeline)) = views.zip(pipeline) else { return false };
-        let clock = SliceClock::new(0, self.job.budget.is_some(), device);
+        let clock = SliceClock::new(0, self.budget.is_some(), device);
         let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
         views.record(&mut encoder, pipeline, &self.field, &clock);
         clock.resolve(&mut encoder);

@@ -1,8 +1,10 @@
 //! Finds out whether props can be drawn, and what they wait for.
 
+mod drawn;
 mod ready;
 mod update;
 
+pub(crate) use drawn::DrawnOverride;
 pub use ready::{props_progress, props_ready};
 
 use bevy::prelude::*;

@@ -3,26 +3,29 @@
 use bevy::{asset::LoadState, platform::collections::HashMap, prelude::*};
 use plenoctree::PlenOctree;
 
+use super::drawn::DrawnOverride;
 use crate::{
     asset::FilesRead,
     gpu::GpuStatus,
-    palette::{PaletteExtraction, Palettes},
+    palette::{PaletteExtraction, PaletteOverride, Palettes},
     posterize::{BeforePalette, Posterize},
     prop::{DrawnField, Prop, PropError, PropProgress, PropState},
     recolor::{Recolor, before_palette},
 };
 
 pub(super) fn update(
+    mut commands: Commands,
     mut props: Query<(
-        Ref<Prop>,
+        (Entity, Ref<Prop>),
         (Option<&Posterize>, Option<&Recolor>),
+        (Option<&PaletteOverride>, Option<&mut DrawnOverride>),
         &mut PropState,
         &mut PropProgress,
         &mut DrawnField,
     )>,
     mut states: Local<HashMap<(AssetId<PlenOctree>, bool), PropState>>,
     fields: Res<Assets<PlenOctree>>,
-    server: Option<Res<AssetServer>>,
+    server: Res<AssetServer>,
     files: Res<FilesRead>,
     gpu: Res<GpuStatus>,
     palettes: Res<Palettes>,
@@ -30,11 +33,11 @@ pub(super) fn update(
 ) {
     // Many props share few fields. The map's memory is reused.
     states.clear();
-    for (prop, (posterize, recolor), mut state, mut progress, mut drawn) in &mut props {
+    for ((entity, prop), (posterize, recolor), (own, kept), mut state, mut progress, mut drawn) in &mut props {
         let id = prop.0.id();
         let before = before_palette(posterize, recolor);
         let data = states.entry((id, before.is_some())).or_insert_with(|| {
-            let field = field_state(id, &fields, server.as_deref(), &gpu);
+            let field = field_state(id, &fields, &server, &gpu);
             if field != PropState::Ready || before.is_none() || palettes.get(id).is_some() {
                 return field;
             }
@@ -53,6 +56,14 @@ pub(super) fn update(
         } else if *data == PropState::Ready && !matches!(*state, PropState::Ready | PropState::Compiling) {
             // Its bounds do not change.
             drawn.bypass_change_detection().since = gpu.frame();
+        }
+        if drawn.field.as_ref() == Some(&prop.0) {
+            match (own, kept) {
+                (Some(own), Some(mut kept)) if kept.0 != *own => kept.0 = own.clone(),
+                (Some(own), None) => _ = commands.entity(entity).try_insert(DrawnOverride(own.clone())),
+                (None, Some(mut kept)) => kept.0.reset(),
+                (Some(_), Some(_)) | (None, None) => {}
+            }
         }
         let new = match data {
             PropState::Ready => match gpu.pipeline_error() {
@@ -88,12 +99,12 @@ pub(super) fn update(
 fn field_state(
     id: AssetId<PlenOctree>,
     fields: &Assets<PlenOctree>,
-    server: Option<&AssetServer>,
+    server: &AssetServer,
     gpu: &GpuStatus,
 ) -> PropState {
     // After a failed hot reload, the earlier version still exists.
     if !fields.contains(id) {
-        return match server.and_then(|server| server.get_load_state(id)) {
+        return match server.get_load_state(id) {
             Some(LoadState::Failed(error)) => PropState::Failed(PropError::of_loader(&error)),
             _ => PropState::Loading,
         };

@@ -1,12 +1,12 @@
 //! Tests what happens when memory is full, when the driver rejects a field, and when the device is lost.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use bevy::{camera::Viewport, prelude::*};
+use bevy::{camera::Viewport, prelude::*, render::render_asset::RenderAssets};
 use bevy_plenoctree::{
-    Activation, DeviceRecoveryPlugin, FieldFailed, FieldPalette, FieldReady, PaletteExtraction, PaletteSampler,
-    Palettes, PlenOctree, Posterize, Prop, PropError, PropQuality, PropState, SampleOrigin, UpAxis, ViewFailed,
-    headless::HeadlessError,
+    Activation, DeviceRecoveryPlugin, FieldFailed, FieldPalette, FieldReady, GpuField, PaletteExtraction,
+    PaletteSampler, Palettes, PlenOctree, Posterize, Prop, PropError, PropQuality, PropState, SampleOrigin, UpAxis,
+    ViewFailed, headless::HeadlessError,
 };
 use glam::DVec3;
 use half::f16;
@@ -14,7 +14,7 @@ use plenoctree::{Basis, Cell, Frame};
 
 use super::stage::{PATIENCE, Stage, hear, pixels::at};
 #[cfg(target_os = "linux")]
-use super::stage::{SKIPPED, skip, tell};
+use super::stage::{SKIPPED, skip, tell, wait_for};
 
 const SIZE: u32 = 32;
 
@@ -80,6 +80,26 @@ fn a_field_that_the_driver_rejects_is_skipped() {
     assert!(stage.heard::<AppExit>().is_empty(), "the app quits");
     let failed = FieldFailed { field: field(&stage, 1), error: error.clone(), only_level: false };
     assert_eq!(stage.heard::<FieldFailed>(), [failed]);
+}
+
+/// A field that the app removes leaves the GPU although there are handles, and can come back.
+#[test]
+fn fields_that_are_removed_leave_the_gpu() {
+    let fields = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].map(|color| corner(4, color));
+    let mut stage = app(default(), |_| (), fields.clone());
+    stage.wait();
+    let id = field(&stage, 1);
+    let is_on_gpu = |stage: &Stage| stage.render_world().resource::<RenderAssets<GpuField>>().get(id).is_some();
+    assert!(is_on_gpu(&stage));
+    stage.world().resource_mut::<Assets<PlenOctree>>().remove(id);
+    stage.update(1);
+    assert!(!is_on_gpu(&stage));
+    assert_eq!(colors(&mut stage), [[255, 0, 0], [0; 3]]);
+    let [_, blue] = fields;
+    stage.world().resource_mut::<Assets<PlenOctree>>().insert(id, blue).unwrap();
+    stage.update(2);
+    stage.wait();
+    assert_eq!(colors(&mut stage), [[255, 0, 0], [0, 0, 255]]);
 }
 
 /// Returns a field of SH25 that fills the cube from 0 to 1 with two million leaves of one color, 335 MB on the GPU.
@@ -148,7 +168,7 @@ fn a_field_is_skipped_when_memory_is_full() {
     }
     let green = large([0.0, 1.0, 0.0]);
     limit_memory(Some(240 << 20));
-    let (field, bad) = (stage.add(green.clone()), stage.props[1]);
+    let (field, bad) = (stage.add(green), stage.props[1]);
     stage.insert(bad, Prop(field.clone()));
     stage.headless.wait_until_ready(PATIENCE).unwrap_err();
     for _ in 0..3 {
@@ -159,14 +179,21 @@ fn a_field_is_skipped_when_memory_is_full() {
     let PropState::Failed(PropError::TooLarge(error)) = state(&stage, 1) else { panic!() };
     assert!(error.what == "textures" && error.limit.is_none() && error.bytes > 300 << 20, "{error}");
     let failed = FieldFailed { field: field.id(), error: error.clone(), only_level: false };
+    // Other attempts fail silently.
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_secs(5) {
+        stage.update(1);
+        assert!(matches!(state(&stage, 1), PropState::Failed(PropError::TooLarge(_))), "{:?}", state(&stage, 1));
+    }
     assert_eq!(stage.heard::<FieldFailed>(), [failed]);
     assert!(stage.heard::<AppExit>().is_empty(), "the app quits");
 
     limit_memory(None);
-    *stage.world().resource_mut::<Assets<PlenOctree>>().get_mut(&field).unwrap() = green;
-    // Changes are announced at the end of a frame.
-    stage.update(2);
-    stage.wait();
+    wait_for("the field", || {
+        stage.update(1);
+        state(&stage, 1).is_ready()
+    });
+    assert_eq!(stage.heard::<FieldReady>().iter().filter(|ready| ready.field == field.id()).count(), 1);
     assert_eq!(colors(&mut stage), [[255, 0, 0], [0, 255, 0]]);
 }
 

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use bevy::{asset::LoadState, prelude::*};
 use bevy_plenoctree::{
-    FieldPalette, Palette, PaletteExtraction, PaletteReady, PaletteSampler, Palettes, PlenOctree, PlenOctreePlugin,
-    Posterize, Prop, RampAdjustment, SampleOrigin,
+    ExtractionSettings, FieldPalette, Palette, PaletteExtraction, PaletteReady, PaletteSampler, Palettes, PlenOctree,
+    PlenOctreePlugin, Posterize, Prop, RampAdjustment, SampleOrigin,
 };
 use glam::DVec3;
 
@@ -158,6 +158,48 @@ fn an_extracted_palette_can_be_saved_and_shipped() {
     assert_eq!(shipped.palette(), extracted.palette());
 }
 
+/// An extraction that failed is tried again when its settings change, and not before.
+#[test]
+fn failed_extractions_are_tried_again_with_other_settings() {
+    let mut files = Files::new("retry");
+    let valid = files.app.world().resource::<PaletteExtraction>().settings.clone();
+    let set = |files: &mut Files, settings: ExtractionSettings| {
+        files.app.world_mut().resource_mut::<PaletteExtraction>().settings = settings;
+    };
+    // It differs from itself.
+    set(&mut files, ExtractionSettings { coarse_threshold: f64::NAN, ..valid.clone() });
+    let field = files.spawn();
+    let id = field.id();
+    files.run_until("a failure", move |world| world.resource::<PaletteExtraction>().error(id).is_some());
+    for _ in 0..5 {
+        files.app.update();
+        assert!(files.app.world().resource::<PaletteExtraction>().error(id).is_some());
+    }
+    set(&mut files, valid);
+    files.app.update();
+    assert!(files.palette(&field).extraction().is_some());
+}
+
+/// An app that nobody sees extracts nothing on its own.
+#[test]
+fn palettes_are_only_extracted_on_request_if_so_wished() {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin));
+    app.world_mut().resource_mut::<PaletteExtraction>().automatic = false;
+    let field = app.world_mut().resource_mut::<Assets<PlenOctree>>().add(solid(10.0));
+    app.world_mut().spawn((Prop(field.clone()), Posterize::default()));
+    for _ in 0..5 {
+        app.update();
+        assert!(app.world().resource::<PaletteExtraction>().progress(&field).is_none());
+        assert!(app.world().resource::<Palettes>().get(&field).is_none());
+    }
+    app.world_mut().resource_mut::<PaletteExtraction>().request(&field);
+    wait_for("a palette", || {
+        app.update();
+        app.world().resource::<Palettes>().get(&field).is_some()
+    });
+}
+
 /// A prop whose look is switched before its palette is ready gets a palette of the new look, unless another prop of the
 /// field still wants the old one.
 #[test]
@@ -254,6 +296,15 @@ fn a_palette_is_extracted_if_its_file_is_invalid() {
     files.run_until("the palette of the file", move |world| {
         world.resource::<Palettes>().get(id).is_some_and(|palette| palette.palette().colors == [[1.0, 0.5, 0.0]])
     });
+}
+
+/// Nothing loads a default handle.
+#[test]
+fn a_palette_is_extracted_if_its_handle_is_a_default_one() {
+    let mut files = Files::new("default");
+    let field = files.spawn();
+    files.app.world_mut().resource_mut::<Palettes>().insert_handle(&field, Handle::default());
+    assert!(files.palette(&field).extraction().is_some());
 }
 
 /// A palette that is given by its handle replaces one with the same source colors and other shown ones.

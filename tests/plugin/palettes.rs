@@ -212,7 +212,14 @@ fn invalid_palettes_are_rejected() {
     let mut light = Palette::new(vec![[0.5, 0.1, 0.1], [0.8, 0.2, 0.2]]).unwrap();
     light.gather_tones(&[0, 1], "cap").unwrap();
     light.weights.truncate(1);
-    assert!(!FieldPalette::new(light).adjust_ramp(0, &RampAdjustment::default()));
+    let mut palette = FieldPalette::new(light);
+    assert!(!palette.adjust_ramp(0, &RampAdjustment::default()));
+    // Their ramps must be valid all the same.
+    let unnamed = palette.edit_ramps(|palette| {
+        palette.ramps[0].name.clear();
+        Ok(())
+    });
+    assert!(unnamed.is_err() && palette.ramp("cap") == Some(0));
 }
 
 /// Returns a value after a round trip through text.

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bevy::{camera::Viewport, prelude::*};
 use bevy_plenoctree::{
-    PlenOctreePlugin,
+    PlenOctreePlugin, Prop,
     headless::{Headless, exact_camera},
     panel::{PalettePanel, PalettePanelPlugin},
 };
@@ -62,6 +62,18 @@ fn the_panel_is_shown_in_the_chosen_view() {
         let (shown, hidden) = if is_right { (b, a) } else { (a, b) };
         assert!(shown > 1000 && hidden == 0, "right: {is_right}: {a}, {b}");
     }
+}
+
+/// An entity may be chosen before it is a prop.
+#[test]
+fn the_panel_keeps_the_choice_of_the_app() {
+    let (mut headless, _) = views();
+    let world = headless.app.world_mut();
+    world.spawn(Prop(Handle::default()));
+    let chosen = world.spawn_empty().id();
+    world.resource_mut::<PalettePanel>().prop = Some(chosen);
+    (0..5).for_each(|_| headless.update());
+    assert_eq!(headless.app.world().resource::<PalettePanel>().prop, Some(chosen));
 }
 
 /// A view may be chosen before the first frame. Once its camera is gone, the panel moves to another one.

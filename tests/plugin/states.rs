@@ -7,8 +7,9 @@ use bevy::{
     render::render_resource::{BufferDescriptor, BufferUsages, PipelineCache},
 };
 use bevy_plenoctree::{
-    BeforePalette, BilateralFilter, ColorCount, EdgeSmoothing, FieldPalette, FieldReady, Palette, PaletteExtraction,
-    PaletteFailed, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropError, PropQuality, PropState,
+    BeforePalette, BilateralFilter, ColorCount, DeviceRecoveryPlugin, EdgeSmoothing, FieldPalette, FieldReady, Palette,
+    PaletteExtraction, PaletteFailed, PaletteOverride, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop,
+    PropError, PropQuality, PropState,
     headless::{HeadlessError, LitMeshPlugins},
     props_ready,
 };
@@ -139,6 +140,35 @@ fn a_prop_keeps_its_field_until_the_next_one_can_be_drawn() {
     assert!(!stage.resource::<Assets<PlenOctree>>().contains(new));
 }
 
+/// Overrides that are meant for the next field of a prop do not color the one that it keeps until then.
+#[test]
+fn a_field_that_is_kept_keeps_its_overrides() {
+    let mut stage = app(|_| {});
+    let (first, second) = (stage.add(cube(RED)), reserve::<PlenOctree>(&stage));
+    for (field, color) in [(&first, RED), (&second, BLUE)] {
+        let palette = FieldPalette::new(Palette::new(vec![encoded(color)]).unwrap());
+        stage.world().resource_mut::<Palettes>().insert(field, palette);
+    }
+    let own = |[red, green, blue]: [u8; 3]| PaletteOverride::default().with(0, Color::srgb_u8(red, green, blue));
+    let prop = stage.spawn((Prop(first.clone()), posterize(), own([0, 255, 0])));
+    stage.wait();
+    assert_eq!(middle(&mut stage), [0, 255, 0]);
+
+    stage.insert(prop, (Prop(second.clone()), own([255, 255, 0])));
+    for _ in 0..3 {
+        assert_eq!(middle(&mut stage), [0, 255, 0]);
+    }
+    arrive(&mut stage, &second, cube(BLUE));
+    stage.wait();
+    assert_eq!(middle(&mut stage), [255, 255, 0]);
+    // Nor do those that are removed with it.
+    stage.world().entity_mut(prop).remove::<PaletteOverride>();
+    assert_eq!(middle(&mut stage), BLUE);
+    let third = reserve::<PlenOctree>(&stage);
+    stage.insert(prop, (Prop(third), own([255, 255, 0])));
+    assert_eq!(middle(&mut stage), BLUE);
+}
+
 /// The pipelines of a field that is loaded ahead are compiled before a prop shows it: the prop does not vanish
 /// meanwhile.
 #[test]
@@ -227,13 +257,17 @@ fn without_a_renderer_props_wait_for_their_fields_alone() {
 /// After an error of the GPU, Bevy stops rendering. What is captured then is no picture, but an error that says why.
 #[test]
 fn errors_of_the_gpu_are_reported() {
-    let mut stage = app(|_| ());
-    stage.capture();
-    let device = stage.device();
-    let usage = BufferUsages::empty();
-    device.create_buffer(&BufferDescriptor { label: Some("odd one"), size: 4, usage, mapped_at_creation: false });
-    for error in [stage.headless.capture().unwrap_err(), stage.headless.wait_until_ready(PATIENCE).unwrap_err()] {
-        assert!(matches!(&error, HeadlessError::Rendering(reason) if reason.contains("odd one")), "{error}");
+    for recovers in [false, true] {
+        // Replaces devices, but hides no other error.
+        let recover = |app: &mut App| _ = app.add_plugins(DeviceRecoveryPlugin);
+        let mut stage = if recovers { app(recover) } else { app(|_| ()) };
+        stage.capture();
+        let device = stage.device();
+        let usage = BufferUsages::empty();
+        device.create_buffer(&BufferDescriptor { label: Some("odd one"), size: 4, usage, mapped_at_creation: false });
+        for error in [stage.headless.capture().unwrap_err(), stage.headless.wait_until_ready(PATIENCE).unwrap_err()] {
+            assert!(matches!(&error, HeadlessError::Rendering(reason) if reason.contains("odd one")), "{error}");
+        }
     }
 }
 

@@ -251,7 +251,17 @@ impl Palette {
         if let Some(index) = self.shown.iter().position(|color| !is_finite(color)) {
             return Err(InvalidPalette::ShownColor { index, found: self.shown[index] });
         }
-        Ok(ramp::validate(&self.ramps, self.colors.len())?)
+        Ok(self.validate_ramps()?)
+    }
+
+    /// Checks that the ramps fit the colors, whatever else of the palette is valid.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if a ramp has no tones, a tone that the palette lacks or that is in a ramp already, a name that
+    /// ramps cannot have, or that of another ramp.
+    pub fn validate_ramps(&self) -> Result<(), InvalidRamps> {
+        ramp::validate(&self.ramps, self.colors.len())
     }
 
     /// Reads a palette file.
