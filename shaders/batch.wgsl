@@ -36,7 +36,7 @@ fn ray_around(gap: vec2<u32>, index: u32) -> vec2<u32> {
 // Returns the list of a prop's pixels at edges: props of a field share one. `part` is 1 for pixels that a prop owns where
 // another one may be before it, and 0 for all others.
 fn list_of(prop: u32, part: u32) -> u32 {
-    return part * view.edge_lists + props[prop].field % view.edge_lists;
+    return part * view.edge_lists + (props[prop].field & (view.edge_lists - 1u));
 }
 
 // Returns the numbers of batches along each axis.

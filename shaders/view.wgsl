@@ -60,7 +60,7 @@ struct View {
     depth_range: vec2<f32>,
     // The number of `props`.
     props: u32,
-    // The number of lists of pixels at edges. See `list_of` of `batch.wgsl`.
+    // The number of lists of pixels at edges, a power of two. See `list_of` of `batch.wgsl`.
     edge_lists: u32,
 }
 

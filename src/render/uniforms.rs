@@ -243,7 +243,7 @@ pub(super) struct ViewUniform {
     pub depth_range: Vec2,
     /// The number of props, and of the posterized view.
     pub props: u32,
-    /// The number of lists of pixels at edges. See `list_of` of `batch.wgsl`.
+    /// The number of lists of pixels at edges, a power of two. See `list_of` of `batch.wgsl`.
     pub edge_lists: u32,
 }
 
