@@ -100,7 +100,8 @@ impl CaptureSettings {
         let settings = SubjectSettings { crop, keep_largest: self.keep_largest, up: self.stand };
         let Subject { splats, low, high, .. } = splats.subject(&settings)?;
         let bounds = Some((low, high));
-        let settings = VoxelSettings { depth: self.depth, leaves: self.leaves as usize, bounds };
+        let settings =
+            VoxelSettings { depth: self.depth, leaves: self.leaves as usize, bounds, ..VoxelSettings::default() };
         let field = voxelize(&splats, &settings)?;
         let shift = field.foot().filter(|_| self.stand.is_some()).unwrap_or_default();
         Ok(field.shifted(-shift)?)

@@ -47,8 +47,8 @@ pub struct Arguments {
     /// Only add up the Gaussians in the cells; do not refine the field with pictures of the capture.
     #[arg(long)]
     pub no_refine: bool,
-    /// The longest time for refining, in minutes. It ends earlier when it would gain less than 0.02 dB in a tenth of
-    /// this time. By default, --effort limits it.
+    /// The longest time for refining, in minutes, without what comes before and after it. It ends earlier when it would
+    /// gain less than 0.02 dB in a tenth of this time. By default, --effort limits it.
     #[arg(long, value_parser = parse_positive, conflicts_with = "no_refine")]
     pub minutes: Option<f64>,
     /// The most refining, as a multiple of the default. It ends earlier when it would gain less than 0.02 dB in a tenth

@@ -18,6 +18,13 @@ const DISTANCES: [f64; 3] = [1.0, 0.85, 0.7];
 /// Number of cameras at one distance to measure with, and of those to refine with.
 const AT: [u32; 2] = [6, 80];
 
+/// Distances of cameras that show where a field for one distance is looked at from, as multiples of it.
+const NEAR_IT: [f64; 3] = [1.0, 0.85, 1.2];
+/// Number of cameras with small pictures at a distance, and from farther away.
+const LOOKING: [u32; 2] = [100, 60];
+/// Width and height of their pictures.
+const SMALL: u32 = 64;
+
 /// Cameras to refine with, and others to measure with.
 pub struct Cameras {
     pub training: Vec<PinholeCamera>,
@@ -44,16 +51,28 @@ pub fn around(low: DVec3, high: DVec3, size: u32) -> Cameras {
 
 /// The same, at this distance.
 pub fn at(low: DVec3, high: DVec3, distance: f64, size: u32) -> Cameras {
-    let spiral = || Spiral {
+    let [held_out, training] = AT.map(|count| spiral(low, high, distance, &[]).cameras(count, size).collect());
+    Cameras { training, held_out }
+}
+
+/// Returns cameras with small pictures, which show where a field for a distance is looked at from: there, and from
+/// farther away, at another distance.
+pub fn looking(low: DVec3, high: DVec3, distance: f64, farther: f64) -> Vec<PinholeCamera> {
+    let [there, beyond] = LOOKING;
+    let there = spiral(low, high, distance, &NEAR_IT).cameras(there, SMALL);
+    there.chain(spiral(low, high, farther, &[]).cameras(beyond, SMALL)).collect()
+}
+
+/// Returns cameras all around, at multiples of this distance from the middle.
+fn spiral(low: DVec3, high: DVec3, distance: f64, distances: &'static [f64]) -> Spiral {
+    Spiral {
         center: 0.5 * (low + high),
         radius: distance * (0.5 * FOV).sin(),
         up: UpAxis::Z,
         fov: FOV,
         elevations: [1.0, -1.0],
-        distances: &[],
-    };
-    let [held_out, training] = AT.map(|count| spiral().cameras(count, size).collect());
-    Cameras { training, held_out }
+        distances,
+    }
 }
 
 /// Returns the mean distance of the cameras that see the whole box, from its middle.

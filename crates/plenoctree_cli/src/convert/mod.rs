@@ -32,6 +32,8 @@ use crate::{
 
 /// The least PSNR where views of the whole show something, in decibels, that a field has without a warning.
 const LEAST_PSNR: f64 = 16.0;
+/// The blur of fields for views from nearby, in finest cells.
+const NEAR_BLUR: f64 = 0.25;
 
 /// Converts the capture, extracts the palette, and writes both with views and a report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -80,9 +82,14 @@ pub fn run(arguments: &Arguments) -> Result {
     let cells = side / cameras::pixel(if is_for_near { near } else { between }, size);
     let depth = arguments.depth.unwrap_or_else(|| cells.log2().clamp(6.0, 10.0).round() as u32);
     let bounds = Some((low, high));
+    let mut settings = VoxelSettings { depth, leaves: arguments.leaves as usize, bounds, ..Default::default() };
+    if is_for_near {
+        settings.blur = NEAR_BLUR;
+        settings.views = cameras::looking(low, high, near, between);
+    }
     let field = match arguments.quality {
-        Some(quality) => quality::field(&splats, depth, bounds, quality, &standard.near),
-        None => voxelize(&splats, &VoxelSettings { depth, leaves: arguments.leaves as usize, bounds }),
+        Some(quality) => quality::field(&splats, settings, quality, &standard.near),
+        None => voxelize(&splats, &settings),
     };
     let mut field = field.map_err(|error| named(&error))?;
     spinner.finish_and_clear();

@@ -1,6 +1,5 @@
 //! Finds how many leaves a field needs to look as much like its capture as is asked for.
 
-use glam::DVec3;
 use plenoctree::PlenOctree;
 use plenoctree_fit::splat::{SplatError, Splats, VoxelSettings, Voxels};
 
@@ -15,16 +14,15 @@ const FEWEST: f64 = 10.0;
 const STEPS: usize = 8;
 
 /// Makes the field with the fewest leaves, within a few percent, whose pictures over white have a mean PSNR of
-/// `quality` decibels, with this `depth` and in these `bounds`. If none has, it has as many leaves as possible.
+/// `quality` decibels, with these settings otherwise. If none has, it has as many leaves as possible.
 pub fn field(
     splats: &Splats,
-    depth: u32,
-    bounds: Option<(DVec3, DVec3)>,
+    settings: VoxelSettings,
     quality: f64,
     pictures: &Pictures,
 ) -> Result<PlenOctree, SplatError> {
     let psnr = |field: &PlenOctree| pictures.compare(field).psnr[0];
-    let voxels = Voxels::new(splats, &VoxelSettings { depth, leaves: MOST_LEAVES, bounds })?;
+    let voxels = Voxels::new(splats, &VoxelSettings { leaves: MOST_LEAVES, ..settings })?;
     let mut best = voxels.field(MOST_LEAVES)?;
     let found = psnr(&best);
     if found < quality {

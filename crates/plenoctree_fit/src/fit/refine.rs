@@ -14,7 +14,7 @@ use super::{
     report::{RoundReport, StageReport},
     settings::check_effort,
     to_field::to_merged_field,
-    train::{Model, Position, Stage, TrainView, backdrop::Backdrop, gallery::Gallery, train, visibility::seen},
+    train::{Model, Position, Stage, Tour, TrainView, backdrop::Backdrop, gallery::Gallery, train, visibility::seen},
 };
 
 /// The least that a round must be expected to gain, in decibels.
@@ -192,13 +192,14 @@ pub(super) fn refine_by(
     };
     let gains = vec![Vec3::ONE; gallery.len()];
     let mut model = Model { grid, backdrop: Backdrop::Random, gains };
-    let mut random = Random::new(seed);
+    let (mut random, mut tour) = (Random::new(seed), Tour::default());
     let before_psnr_db = measure(&model);
     let mut psnr = mean(&before_psnr_db);
     // What is kept: the number of rounds, the mean and the values.
     let (mut kept, mut most) = (0, psnr);
     let mut best = if psnr.is_some() { model.grid.values.clone() } else { Vec::new() };
     let mut rounds: Vec<RoundReport> = Vec::new();
+    assert!(best.is_empty() || stages.iter().all(|stage| stage.prune_at.is_empty()), "values of the same voxels");
     for (index, stage) in stages.iter().enumerate() {
         let gain = rounds.last().and_then(|round| round.gain_db);
         let mut position = Position::default();
@@ -209,7 +210,7 @@ pub(super) fn refine_by(
                 (status.psnr, status.gain) = (psnr, gain);
             });
         };
-        train(&mut model, gallery, stage, &mut position, &mut random, progress, None, &mut watch)?;
+        train(&mut model, gallery, stage, &mut position, &mut tour, &mut random, progress, None, &mut watch)?;
         let groups = measure(&model);
         let after = mean(&groups);
         let gain_db = psnr.zip(after).map(|(before, after)| after - before);

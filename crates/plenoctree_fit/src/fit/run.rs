@@ -24,8 +24,8 @@ use super::{
     suspects::suspicious,
     to_field::{cropped, largest_part, to_field},
     train::{
-        Limit, Model, Position, Schedule, StageTime, TrainView, backdrop::Backdrop, gallery::Gallery, split, train,
-        visibility, visibility::Limits,
+        Limit, Model, Position, Schedule, StageTime, Tour, TrainView, backdrop::Backdrop, gallery::Gallery, split,
+        train, visibility, visibility::Limits,
     },
     turned_box::TurnedBox,
 };
@@ -183,9 +183,11 @@ pub fn fit(
                 let _ = Checkpoint::write(path, key, model, position, random);
             }
         };
+        let mut tour = Tour::default();
         loop {
             let limit = limit.as_mut().map(|limit| limit as &mut Limit);
-            train(&mut model, &mut gallery, stage, &mut position, &mut random, progress, limit, &mut watch)?;
+            let (gallery, tour) = (&mut gallery, &mut tour);
+            train(&mut model, gallery, stage, &mut position, tour, &mut random, progress, limit, &mut watch)?;
             if is_last.get() || progress.is_stopped() || left.is_none() || stage.trained(&position) >= LEAST_FOR_FINER {
                 break;
             }

@@ -232,7 +232,8 @@ fn hidden_cells_are_left_out() {
         for gaussian in ball(0).gaussians().iter().filter(|_| shell) {
             splats.push(Gaussian { scale: Vec3::splat(0.06), opacity: 0.99, ..*gaussian }, &[Vec3::ZERO]);
         }
-        let field = voxelize(&splats, &VoxelSettings { depth: 7, leaves: 1_000_000, bounds }).unwrap();
+        let field =
+            voxelize(&splats, &VoxelSettings { depth: 7, leaves: 1_000_000, bounds, ..Default::default() }).unwrap();
         let cells = f64::from(1u32 << field.depth());
         let center = |corner: glam::UVec3| field.frame().to_world((corner.as_dvec3() + 0.5) / cells);
         field.leaf_cells().filter(|cell| center(cell.corner).length() < 0.4).count()
@@ -297,16 +298,57 @@ fn leaves_of_many_sizes_pass_through_everything() {
 #[test]
 fn fields_do_not_depend_on_threads() {
     let splats = ball(0).transformed(DAffine3::from_translation(DVec3::new(5.0, 6.0, 7.0)));
-    let settings = VoxelSettings { depth: 7, leaves: 1_000_000, ..Default::default() };
-    let fields = [1, 3].map(|threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| voxelize(&splats, &settings).unwrap())
+    let middle = DVec3::new(5.0, 6.0, 7.0);
+    let views = [DVec3::X, DVec3::NEG_Y, DVec3::new(0.2, 1.0, -1.5)].map(|from| {
+        PinholeCamera::new(50, 40, 0.8, glam::DMat4::IDENTITY).looking_at(middle + 2.5 * from, middle, DVec3::Z)
     });
-    assert_eq!(fields[0].densities(), fields[1].densities());
-    assert!(fields[0].coefficients() == fields[1].coefficients() && fields[0].nodes() == fields[1].nodes());
+    let settings = VoxelSettings { depth: 7, leaves: 1_000_000, ..Default::default() };
+    let fields = [vec![], views.to_vec()].map(|views| {
+        let settings = VoxelSettings { views, ..settings.clone() };
+        let fields = [1, 3].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| voxelize(&splats, &settings).unwrap())
+        });
+        assert_eq!(fields[0].densities(), fields[1].densities());
+        assert!(fields[0].coefficients() == fields[1].coefficients() && fields[0].nodes() == fields[1].nodes());
+        let [field, _] = fields;
+        field
+    });
+    assert_ne!(fields[0].densities(), fields[1].densities());
     let (low, high) = fields[0].dense_bounds().unwrap();
     assert!((0.5 * (low + high) - DVec3::new(5.0, 6.0, 7.0)).length() < 0.05, "{low} {high}");
     assert!((high - low - 2.0).abs().max_element() < 0.2, "{low} {high}");
+}
+
+/// Thin disks have their opacity for the cameras that see them, whatever it is for others. Views without pixels, and
+/// those that see nothing, change nothing.
+#[test]
+fn disks_have_their_opacity_for_those_who_see_them() {
+    let mut splats = Splats::new(0);
+    let scale = Vec3::new(0.3, 0.3, 1e-3);
+    let disk = Gaussian { position: Vec3::ZERO, scale, rotation: Quat::IDENTITY, opacity: 0.6 };
+    splats.push(disk, &[Vec3::splat(0.5)]);
+    let bounds = Some((DVec3::splat(-1.0), DVec3::splat(1.0)));
+    let view = |size: u32, from: DVec3| {
+        PinholeCamera::new(size, size, 0.8, glam::DMat4::IDENTITY).looking_at(from, DVec3::ZERO, DVec3::Y)
+    };
+    let field = |views: Vec<PinholeCamera>| {
+        voxelize(&splats, &VoxelSettings { depth: 7, bounds, views, ..Default::default() }).unwrap()
+    };
+    let opacity = |field: &PlenOctree, from: DVec3| field.render_ray(from, -from.normalize()).1;
+    let (front, edge) = (DVec3::new(0.01, 0.01, 3.0), DVec3::new(3.0, 0.01, 0.01));
+    let usual = field(Vec::new());
+    assert!(opacity(&usual, front) < 0.5, "{}", opacity(&usual, front));
+    for from in [front, -front] {
+        let seen = field(vec![view(60, from)]);
+        assert!((opacity(&seen, front) - 0.6).abs() < 0.03, "{}", opacity(&seen, front));
+        assert!((opacity(&seen, -front) - 0.6).abs() < 0.03);
+    }
+    let seen = field(vec![view(300, edge)]);
+    assert!(opacity(&seen, edge) < 0.8 && opacity(&usual, edge) > 0.9, "{}", opacity(&seen, edge));
+    let away = PinholeCamera { rotation: view(60, -front).rotation, ..view(60, front) };
+    let blind = field(vec![view(0, front), away]);
+    assert_eq!(blind.densities(), usual.densities());
 }
 
 /// Cropping keeps what is inside the box; the largest part is the ball without floaters, and the box excludes a distant
@@ -379,6 +421,8 @@ fn impossible_settings_are_errors() {
     assert!(error(VoxelSettings { depth: 11, ..Default::default() }).contains("6 to 10"));
     let bounds = Some((DVec3::splat(5.0), DVec3::splat(6.0)));
     assert!(error(VoxelSettings { depth: 6, bounds, ..Default::default() }).contains("nothing is left of the capture"));
+    assert!(error(VoxelSettings { blur: 0.05, ..Default::default() }).contains("0.1 to 0.5 cells"));
+    assert!(error(VoxelSettings { blur: f64::NAN, ..Default::default() }).contains("0.1 to 0.5 cells"));
     assert!(error(VoxelSettings { leaves: 1, ..Default::default() }).contains("32768 to 20000000"));
     let bounds = Some((DVec3::ONE, DVec3::ZERO));
     assert!(error(VoxelSettings { depth: 6, bounds, ..Default::default() }).contains("a lowest and a highest corner"));
@@ -413,7 +457,7 @@ fn wide_gaussians_are_whole_at_every_depth() {
         let scale = Vec3::splat(scale);
         let gaussian = Gaussian { position: Vec3::ZERO, scale, rotation: Quat::IDENTITY, opacity };
         splats.push(gaussian, &[Vec3::new(0.5, 0.0, -0.5)]);
-        let field = voxelize(&splats, &VoxelSettings { depth, leaves: 200_000, bounds }).unwrap();
+        let field = voxelize(&splats, &VoxelSettings { depth, leaves: 200_000, bounds, ..Default::default() }).unwrap();
         let found = psnr(&field, &splats, DVec3::ONE);
         assert!(found > 45.0, "{depth}: {found:.1} dB, {} leaves", field.leaves());
     }
@@ -431,7 +475,7 @@ fn files_keep_every_leaf() {
             splats.push(gaussian, &[Vec3::splat(0.5)]);
         }
         let bounds = Some((DVec3::splat(-unit), DVec3::splat(unit)));
-        let field = voxelize(&splats, &VoxelSettings { depth, leaves: 200_000, bounds }).unwrap();
+        let field = voxelize(&splats, &VoxelSettings { depth, leaves: 200_000, bounds, ..Default::default() }).unwrap();
         field.write(&path).unwrap();
         let read = PlenOctree::read(&path, &LoadSettings::default()).unwrap();
         assert_eq!(read.leaves(), field.leaves(), "depth {depth}, {unit} units");

@@ -74,8 +74,15 @@ pub type Watch<'a> = dyn FnMut(&Model, &Position, f64, &Random) + 'a;
 /// Returns the time of a stage. Called before its first batch, with the seconds that preparing it took in [`train`].
 pub type Limit<'a> = dyn FnMut(f64) -> StageTime + 'a;
 
+/// The tiles that are next, in random order. A stage takes up where the one before ended, so that several short ones
+/// show every pixel as often as a long one.
+#[derive(Default)]
+pub struct Tour {
+    tiles: Vec<Tile>,
+}
+
 /// Fits `model` for one stage, from `position` on. Returns early if `progress` says so. A `limit` replaces the time of
-/// the stage.
+/// the stage. `tour` is that of a stage before with the same pictures, all of which are in memory, or a new one.
 ///
 /// # Errors
 ///
@@ -85,6 +92,7 @@ pub fn train(
     gallery: &mut Gallery,
     stage: &Stage,
     position: &mut Position,
+    tour: &mut Tour,
     random: &mut Random,
     progress: &FitProgress,
     mut limit: Option<&mut Limit>,
@@ -111,7 +119,11 @@ pub fn train(
             views = gallery.next_round(random)?;
         }
         let is_part = views.len() < gallery.len();
-        let mut tiles = active_tiles(&model.grid, &views, is_part.then(|| random.bits()));
+        let mut tiles = std::mem::take(&mut tour.tiles);
+        let is_new = tiles.is_empty();
+        if is_new {
+            tiles = active_tiles(&model.grid, &views, is_part.then(|| random.bits()));
+        }
         if tiles.is_empty() && is_part {
             // What is in view may be small.
             tiles = active_tiles(&model.grid, &views, None);
@@ -126,14 +138,20 @@ pub fn train(
             continue;
         }
         blind = 0;
-        random.shuffle(&mut tiles);
-        for tiles in tiles.chunks(stage.tiles) {
+        if is_new {
+            random.shuffle(&mut tiles);
+        }
+        for first in (0..tiles.len()).step_by(stage.tiles) {
             position.seconds = before + start.elapsed().as_secs_f64();
             if let Some(limit) = limit.take() {
                 stage.time = Some(limit(position.seconds - before));
             }
             let fraction = stage.fraction(position);
             if progress.is_stopped() || fraction >= 1.0 {
+                // What is in memory next time are other pictures, if not all are.
+                if !is_part {
+                    tour.tiles = tiles.split_off(first);
+                }
                 break;
             }
             if is_part {
@@ -166,6 +184,7 @@ pub fn train(
                 opacity: if knows_opacity { OPACITY } else { 0.0 },
                 fades_near: !knows_opacity,
             };
+            let tiles = &tiles[first..tiles.len().min(first + stage.tiles)];
             render_batch(&scene, tiles, random.bits(), &mut workspace);
             let optimizer = Optimizer { rates: stage.rates(fraction), ..stage.optimizer };
             update(&mut model.grid, &workspace.parts, &optimizer, &mut thickness);
@@ -344,5 +363,38 @@ mod tests {
         assert!((some.len() as f64 / expected - 1.0).abs() < 0.05, "{} {expected}", some.len());
         let left = some.iter().filter(|tile| u32::from(tile.x) * TILE < size / 2).count();
         assert!((left as f64 / some.len() as f64 - 0.5).abs() < 0.04, "{left} of {}", some.len());
+    }
+
+    /// Short stages go on where the one before ended, until every tile has been shown.
+    #[test]
+    fn stages_share_a_tour() {
+        let mut set = VoxelSet::new(8);
+        (0..512).for_each(|place| set.insert(Voxel::cell(UVec3::new(place / 64, place / 8 % 8, place % 8))));
+        let grid = Grid::new(Cube { low: DVec3::splat(-0.5), size: 1.0 }, 1, &set);
+        let size = 500;
+        let lens = Lens { focal: DVec2::splat(400.0), center: DVec2::splat(250.0), distortion: Distortion::None };
+        let camera = ViewCamera::undistorted(size, size, lens, DMat3::IDENTITY, DVec3::new(0.0, 0.0, 1.5));
+        let pixels = vec![[0; 4]; (size * size) as usize];
+        let picture = Arc::new(Picture { width: size, height: size, pixels, knows_opacity: true });
+        let views = vec![TrainView { number: 0, camera, picture, weight: 1.0 }];
+        let place = |tile: &Tile| (tile.x, tile.y);
+        let mut left: HashSet<(u16, u16)> = active_tiles(&grid, &views, None).iter().map(place).collect();
+        let mut gallery = Gallery::held(views);
+        let mut model = Model { grid, backdrop: Backdrop::Random, gains: vec![Vec3::ONE] };
+        let (mut random, mut tour) = (Random::new(3), Tour::default());
+        // A stage without rays is one batch.
+        let stage = &Stage::refining(8, 1e-9, None)[0];
+        let batches = left.len().div_ceil(stage.tiles);
+        assert!(batches > 1, "{batches}");
+        for batch in 1..=batches {
+            let (progress, mut position) = (FitProgress::default(), Position::default());
+            let watch = &mut |_: &Model, _: &Position, _: f64, _: &Random| {};
+            train(&mut model, &mut gallery, stage, &mut position, &mut tour, &mut random, &progress, None, watch)
+                .unwrap();
+            let after: HashSet<(u16, u16)> = tour.tiles.iter().map(place).collect();
+            assert!(after.is_subset(&left));
+            assert_eq!(left.len() - after.len(), if batch < batches { stage.tiles } else { left.len() });
+            left = after;
+        }
     }
 }

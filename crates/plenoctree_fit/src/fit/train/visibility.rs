@@ -105,7 +105,8 @@ pub fn seen(grid: &Grid, views: &[TrainView]) -> Vec<f32> {
             for x in columns(camera, view.number) {
                 march(grid, camera, DVec2::new(x.into(), y.into()) + 0.5, |voxel, transmittance, _| {
                     let sum = &mut sums[voxel as usize];
-                    *sum = sum.saturating_add((view.weight * transmittance * transmittance / SEEN_UNIT) as u32);
+                    let square = view.weight * transmittance * transmittance;
+                    *sum = sum.saturating_add((square / SEEN_UNIT).round() as u32);
                 });
             }
         }

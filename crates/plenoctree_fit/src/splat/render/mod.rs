@@ -46,8 +46,14 @@ impl SplatImage {
 /// their own largest standard deviation are left out as well.
 pub fn render_splats(splats: &Splats, camera: &PinholeCamera) -> SplatImage {
     let (width, height) = (camera.width, camera.height);
-    if width == 0 || height == 0 {
-        return SplatImage { width, height, pixels: Vec::new() };
+    SplatImage { width, height, pixels: draw(splats, camera, |_, _| ()) }
+}
+
+/// Draws the capture like [`render_splats`], and calls `show` with the index of each Gaussian that is drawn and the sum
+/// of its weights in a tile of the image, in pixels: in any order, but with the same sums on any number of threads.
+pub(super) fn draw(splats: &Splats, camera: &PinholeCamera, show: impl Fn(u32, f32) + Sync) -> Vec<Vec4> {
+    if camera.width == 0 || camera.height == 0 {
+        return Vec::new();
     }
     let mut projected: Vec<Projected> = (0..splats.len())
         .into_par_iter()
@@ -56,13 +62,12 @@ pub fn render_splats(splats: &Splats, camera: &PinholeCamera) -> SplatImage {
         .collect();
     // Depths are positive, so that their bits are in the same order. Ties are broken by the order of the file.
     projected.par_sort_by_key(|gaussian| gaussian.depth.to_bits());
-    let columns = width as usize;
-    let mut pixels = vec![Vec4::ZERO; columns * height as usize];
+    let columns = camera.width as usize;
+    let mut pixels = vec![Vec4::ZERO; columns * camera.height as usize];
+    pixels.par_chunks_mut(columns * TILE).enumerate().for_each(|(row, pixels)| {
+        draw_row(&projected, row * TILE, columns, pixels, |gaussian, sum| show(gaussian.index, sum));
+    });
     pixels
-        .par_chunks_mut(columns * TILE)
-        .enumerate()
-        .for_each(|(row, pixels)| draw_row(&projected, row * TILE, columns, pixels));
-    SplatImage { width, height, pixels }
 }
 
 #[cfg(test)]

@@ -18,6 +18,8 @@ pub const FAINTEST: f32 = 1.0 / 255.0;
 /// A Gaussian in the image.
 #[derive(Clone, Copy, Debug)]
 pub struct Projected {
+    /// Its index in the capture.
+    pub index: u32,
     pub depth: f32,
     /// Center, in pixels.
     pub center: Vec2,
@@ -77,6 +79,7 @@ pub fn project(splats: &Splats, index: usize, camera: &PinholeCamera) -> Option<
         return None;
     }
     Some(Projected {
+        index: index as u32,
         depth: depth as f32,
         center: center.as_vec2(),
         conic: conic.as_vec3(),

@@ -25,8 +25,15 @@ struct Tile {
     open: [[usize; 2]; TILE],
 }
 
-/// Draws the row of tiles that starts at the line `top` of the image. `projected` is sorted from front to back.
-pub fn draw_row(projected: &[Projected], top: usize, width: usize, pixels: &mut [Vec4]) {
+/// Draws the row of tiles that starts at the line `top` of the image. `projected` is sorted from front to back. `show` is
+/// called with each Gaussian in a tile and the sum of its weights there, in pixels.
+pub fn draw_row(
+    projected: &[Projected],
+    top: usize,
+    width: usize,
+    pixels: &mut [Vec4],
+    show: impl Fn(&Projected, f32),
+) {
     let lines = pixels.len() / width;
     let (low, high) = (top as f32, (top + lines) as f32);
     // Indices are less than 2^32: that many Gaussians would take 400 GB.
@@ -47,7 +54,7 @@ pub fn draw_row(projected: &[Projected], top: usize, width: usize, pixels: &mut 
             if gaussian.center.x + gaussian.reach.x < low || gaussian.center.x - gaussian.reach.x > high {
                 continue;
             }
-            tile.blend(gaussian, left, top, lines);
+            show(gaussian, tile.blend(gaussian, left, top, lines));
             drawn += 1;
             if drawn % 16 == 0 && tile.is_done(lines) {
                 break;
@@ -63,7 +70,8 @@ pub fn draw_row(projected: &[Projected], top: usize, width: usize, pixels: &mut 
 }
 
 impl Tile {
-    fn blend(&mut self, gaussian: &Projected, left: usize, top: usize, lines: usize) {
+    /// Blends a Gaussian behind the others, and returns the sum of its weights.
+    fn blend(&mut self, gaussian: &Projected, left: usize, top: usize, lines: usize) -> f32 {
         let Projected { center, conic, opacity, color, reach, .. } = *gaussian;
         let local = center.y - top as f32;
         let first = (local - reach.y - 0.5).max(0.0) as usize;
@@ -71,6 +79,7 @@ impl Tile {
         let x = left as f32 + 0.5 - center.x;
         let visible = Visible::new(gaussian, x);
         let [reds, greens, blues, through] = &mut self.planes;
+        let mut sums = [0.0; TOGETHER];
         for line in first..last.max(first).min(lines) {
             let open = self.open[line];
             if open[0] >= open[1] {
@@ -82,7 +91,7 @@ impl Tile {
                 let pixels = line * TILE + part..line * TILE + part + TOGETHER;
                 let planes = (reds[pixels.clone()].iter_mut().zip(&mut greens[pixels.clone()]))
                     .zip(blues[pixels.clone()].iter_mut().zip(&mut through[pixels]));
-                for (column, ((red, green), (blue, through))) in planes.enumerate() {
+                for ((column, ((red, green), (blue, through))), sum) in planes.enumerate().zip(&mut sums) {
                     let x = x + (part + column) as f32;
                     let power = 0.5 * (conic.x * x * x + conic.z * y * y) + conic.y * x * y;
                     let alpha = (opacity * exp_minus(power.max(0.0))).min(MOST_OPACITY);
@@ -92,9 +101,11 @@ impl Tile {
                     *green += weight * color.y;
                     *blue += weight * color.z;
                     *through -= weight;
+                    *sum += weight;
                 }
             }
         }
+        sums.iter().sum()
     }
 
     /// Finds what is done, and returns whether all is.
@@ -186,7 +197,7 @@ mod tests {
             let conic = Vec3::new(entry(0, 0), entry(0, 1), entry(1, 1));
             let square = 2.0 * (opacity / FAINTEST).ln();
             let (depth, color, reach) = (1.0, Vec3::ONE, Vec2::splat(f32::MAX));
-            let gaussian = Projected { depth, center, conic, opacity, color, square, reach };
+            let gaussian = Projected { index: 0, depth, center, conic, opacity, color, square, reach };
             let x = 0.5 - center.x;
             let visible = Visible::new(&gaussian, x);
             for line in 0..TILE {

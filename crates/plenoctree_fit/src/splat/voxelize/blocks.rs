@@ -25,11 +25,16 @@ pub struct Lattice<'a> {
 
 impl<'a> Lattice<'a> {
     /// Prepares the Gaussians for the cube at `corner` whose finest cells, at this depth, have this `width`. They are
-    /// blurred by this many cells.
-    pub fn new(splats: &'a Splats, corner: DVec3, width: f64, depth: u32, blur: f64) -> Self {
+    /// blurred by this many cells. `areas`, if any, are those at which they have their opacity: see [`areas`].
+    ///
+    /// [`areas`]: super::areas::areas
+    pub fn new(splats: &'a Splats, corner: DVec3, width: f64, depth: u32, blur: f64, areas: Option<&[f64]>) -> Self {
         let gaussians = (0..splats.len() as u32)
             .into_par_iter()
-            .filter_map(|index| CellGaussian::new(splats, index, corner, width, 1 << depth, blur))
+            .filter_map(|index| {
+                let shown = areas.map(|areas| areas[index as usize]);
+                CellGaussian::new(splats, index, corner, width, 1 << depth, blur, shown)
+            })
             .collect();
         Self { splats, depth, gaussians, profile: Profile::new() }
     }
@@ -246,7 +251,7 @@ mod tests {
             let gaussian = Gaussian { position: Vec3::new(70.0, 50.0, 60.0), scale, rotation, opacity: 0.7 };
             let mut splats = Splats::new(0);
             splats.push(gaussian, &[Vec3::new(0.5, -0.2, 0.9)]);
-            let wide = CellGaussian::new(&splats, 0, DVec3::ZERO, 1.0, 128, 0.4).unwrap();
+            let wide = CellGaussian::new(&splats, 0, DVec3::ZERO, 1.0, 128, 0.4, None).unwrap();
             assert_eq!(wide.level.min(BLOCK), level);
             let profile = Profile::new();
             let mut largest = 0.0f32;
@@ -277,7 +282,7 @@ mod tests {
             let gaussian = Gaussian { position, scale: Vec3::splat(scale), rotation: Quat::IDENTITY, opacity: 0.7 };
             let mut splats = Splats::new(0);
             splats.push(gaussian, &[Vec3::ONE]);
-            let lattice = Lattice::new(&splats, DVec3::ZERO, 1.0, 7, 0.4);
+            let lattice = Lattice::new(&splats, DVec3::ZERO, 1.0, 7, 0.4, None);
             let own = lattice.gaussians[0];
             let count = |low: UVec3| {
                 let raster = &Block::new(0).rasters[own.level.min(BLOCK) as usize];

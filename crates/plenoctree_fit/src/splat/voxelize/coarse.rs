@@ -32,7 +32,7 @@ impl Coarse {
     /// Nothing is visible outside the box from `low` to `high`.
     pub fn new(splats: &Splats, corner: DVec3, width: f64, depth: u32, [low, high]: [DVec3; 2]) -> Self {
         // Merging cells of half the size tells how much light passes through gaps.
-        let lattice = Lattice::new(splats, corner, 2.0 * width, depth - 1, BLUR);
+        let lattice = Lattice::new(splats, corner, 2.0 * width, depth - 1, BLUR, None);
         let size = width * f64::from(1 << LEVELS);
         let thinnest = per_cell(THINNEST, depth - 1);
         let faintest = per_cell(FAINTEST, depth);

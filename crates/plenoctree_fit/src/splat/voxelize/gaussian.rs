@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3, Mat3, UVec3, Vec3};
 
 use super::optics::{MOST_OPACITY, area};
-use crate::splat::splats::Splats;
+use crate::splat::splats::{Gaussian, Splats};
 
 /// Opacity below which a Gaussian is not drawn.
 const FAINTEST: f64 = 1.0 / 255.0;
@@ -39,17 +39,22 @@ impl CellGaussian {
     /// Returns the Gaussian in the cells of a cube, or `None` if it does not reach the cube or is invisible.
     ///
     /// `blur` is a standard deviation in cells by which it is made wider. Its opacity stays the same, as when it is
-    /// drawn, where it is blurred by half a pixel, or falls as its area grows if the capture is antialiased.
-    pub fn new(splats: &Splats, index: u32, corner: DVec3, width: f64, cells: u32, blur: f64) -> Option<Self> {
+    /// drawn, where it is blurred by half a pixel, or falls as its area grows if the capture is antialiased. It has that
+    /// opacity where its apparent area is `shown`, in square cells, or else [`area`].
+    pub fn new(
+        splats: &Splats,
+        index: u32,
+        corner: DVec3,
+        width: f64,
+        cells: u32,
+        blur: f64,
+        shown: Option<f64>,
+    ) -> Option<Self> {
         let gaussian = splats.gaussians()[index as usize];
         let center = (gaussian.position.as_dvec3() - corner) / width;
         let axes = DMat3::from_quat(gaussian.rotation.as_dquat().normalize());
-        let own = gaussian.scale.as_dvec3() / width;
-        let widths = (own * own + blur * blur).map(f64::sqrt);
-        let mut opacity = f64::from(gaussian.opacity);
-        if splats.antialiased() {
-            opacity *= area(own) / area(widths).max(f64::MIN_POSITIVE);
-        }
+        let widths = widths(&gaussian, width, blur);
+        let opacity = opacity(splats, &gaussian, width, blur);
         if opacity < FAINTEST {
             return None;
         }
@@ -69,11 +74,27 @@ impl CellGaussian {
             inverse: square(widths.recip()).as_mat3(),
             reach: reach as f32,
             opacity: opacity.min(MOST_OPACITY) as f32,
-            scale: (area(widths) / widths.element_product()) as f32,
+            scale: (shown.unwrap_or_else(|| area(widths)) / widths.element_product()) as f32,
             extent: extent.as_vec3(),
             level: (widths.min_element() / SMOOTH).log2().max(0.0) as u32,
             low: low.as_uvec3(),
             high: high.as_uvec3(),
         })
     }
+}
+
+/// Returns the blurred half-widths of a Gaussian, in cells of this width.
+pub fn widths(gaussian: &Gaussian, width: f64, blur: f64) -> DVec3 {
+    let own = gaussian.scale.as_dvec3() / width;
+    (own * own + blur * blur).map(f64::sqrt)
+}
+
+/// Returns the opacity of the blurred Gaussian.
+pub fn opacity(splats: &Splats, gaussian: &Gaussian, width: f64, blur: f64) -> f64 {
+    let opacity = f64::from(gaussian.opacity);
+    if !splats.antialiased() {
+        return opacity;
+    }
+    let area_of = |blur: f64| area(widths(gaussian, width, blur));
+    opacity * area_of(0.0) / area_of(blur).max(f64::MIN_POSITIVE)
 }

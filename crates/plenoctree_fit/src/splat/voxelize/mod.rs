@@ -1,6 +1,7 @@
 //! Converts a capture to a field: adds up the optical depth of its Gaussians in small cells, and merges cells where
 //! that does not show.
 
+mod areas;
 mod blocks;
 mod coarse;
 mod colors;

@@ -9,7 +9,7 @@
 //!
 //! for a ray that crosses the ellipsoid over a length of 1. The opacity `a` of a splat is the same in all directions,
 //! but the optical depth of an ellipsoid is larger along its longer axes. The density is therefore scaled for a length
-//! in between: see [`area`].
+//! in between: see [`area`], and [`areas`](super::areas).
 
 use glam::DVec3;
 

@@ -9,10 +9,11 @@ use plenoctree::PlenOctree;
 use rayon::prelude::*;
 
 use super::{
+    areas::areas,
     blocks::{Block, Lattice},
     coarse::Coarse,
     place::{DEPTHS, MOST_CELLS, Place, fault, too_many},
-    settings::{BLUR, FAINTEST, THINNEST, VoxelSettings, per_cell},
+    settings::{BLUR, BLURS, FAINTEST, THINNEST, VoxelSettings, per_cell},
     sight::look,
 };
 use crate::{
@@ -64,12 +65,15 @@ impl Voxels {
         if !(FEWEST_LEAVES..=MOST_LEAVES).contains(&leaves) {
             return Err(fault("leaves", leaves.to_string(), "32768 to 20000000"));
         }
+        if !(BLURS[0]..=BLURS[1]).contains(&settings.blur) {
+            return Err(fault("blur", settings.blur.to_string(), "0.1 to 0.5 cells"));
+        }
         // Merged cells look better than those that Gaussians are added up in.
         let mut most = (settings.depth + 1).min(DEPTHS[1]);
-        let lattice = |depth, blur| Lattice::new(splats, place.corner, place.width(depth), depth, blur);
         // Lattices are not kept until they are added up: there are several, of about 100 bytes per Gaussian each.
         let works: [OnceCell<f64>; DEPTHS[1] as usize + 1] = Default::default();
-        let work = |depth: u32| *works[depth as usize].get_or_init(|| lattice(depth, BLUR).work());
+        let lattice = |depth, blur, areas| Lattice::new(splats, place.corner, place.width(depth), depth, blur, areas);
+        let work = |depth: u32| *works[depth as usize].get_or_init(|| lattice(depth, BLUR, None).work());
         // Everything is added up once, after a sample of the blocks, and before that for each coarse look.
         let all_work = |depth: u32| {
             let looks: f64 = (depth.min(FIRST_DEPTH)..=depth).map(|depth| work(depth - 1)).sum();
@@ -86,8 +90,9 @@ impl Voxels {
             seen = coarse(depth);
         }
         let levels = [depth.saturating_sub(settings.depth) as u8, BLOCK as u8];
-        let blur = BLUR * f64::from(depth as i32 - settings.depth as i32).exp2().max(1.0);
-        let lattice = lattice(depth, blur);
+        let blur = settings.blur * f64::from(depth as i32 - settings.depth as i32).exp2().max(1.0);
+        let areas = (!settings.views.is_empty()).then(|| areas(splats, &settings.views, place.width(depth), blur));
+        let lattice = lattice(depth, blur, areas.as_deref());
         let thinnest = per_cell(THINNEST, depth);
         let tree = |code: u64, block: &Block| {
             Tree::new(&place.cells(depth, code, block, thinnest, |code| seen.seen(position_of(code))))
