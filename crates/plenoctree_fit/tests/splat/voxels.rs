@@ -341,8 +341,9 @@ fn disks_have_their_opacity_for_those_who_see_them() {
     assert!(opacity(&usual, front) < 0.5, "{}", opacity(&usual, front));
     for from in [front, -front] {
         let seen = field(vec![view(60, from)]);
-        assert!((opacity(&seen, front) - 0.6).abs() < 0.03, "{}", opacity(&seen, front));
-        assert!((opacity(&seen, -front) - 0.6).abs() < 0.03);
+        // Merged cells let as much light through as their parts on average over the axes.
+        assert!((0.55..0.62).contains(&opacity(&seen, front)), "{}", opacity(&seen, front));
+        assert!((0.55..0.62).contains(&opacity(&seen, -front)));
     }
     let seen = field(vec![view(300, edge)]);
     assert!(opacity(&seen, edge) < 0.8 && opacity(&usual, edge) > 0.9, "{}", opacity(&seen, edge));
