@@ -15,10 +15,10 @@ const FOV: f64 = 0.6;
 /// Their distances, as multiples of the one at which the whole box is in view.
 const DISTANCES: [f64; 3] = [1.0, 0.85, 0.7];
 
-/// Number of cameras at one distance to measure with, and of those to refine with.
-const AT: [u32; 2] = [6, 80];
-
-/// Distances of cameras that show where a field for one distance is looked at from, as multiples of it.
+/// Number of cameras at one distance to measure with, and of those to refine with: at one of several distances, and at
+/// the only one.
+const AT: [u32; 3] = [6, 80, 160];
+/// The distances of those at the only one, as multiples of it.
 const NEAR_IT: [f64; 3] = [1.0, 0.85, 1.2];
 /// Number of cameras with small pictures at a distance, and from farther away.
 const LOOKING: [u32; 2] = [100, 60];
@@ -49,10 +49,13 @@ pub fn around(low: DVec3, high: DVec3, size: u32) -> Cameras {
     Cameras { training, held_out }
 }
 
-/// The same, at this distance.
-pub fn at(low: DVec3, high: DVec3, distance: f64, size: u32) -> Cameras {
-    let [held_out, training] = AT.map(|count| spiral(low, high, distance, &[]).cameras(count, size).collect());
-    Cameras { training, held_out }
+/// The same, at this distance. If it is the `only` one to refine for, cameras to refine with are at others near it, too.
+pub fn at(low: DVec3, high: DVec3, distance: f64, size: u32, only: bool) -> Cameras {
+    let [held_out, shared, alone] = AT;
+    let (training, distances): (u32, &'static [f64]) = if only { (alone, &NEAR_IT) } else { (shared, &[]) };
+    let cameras =
+        |count: u32, distances: &'static [f64]| spiral(low, high, distance, distances).cameras(count, size).collect();
+    Cameras { training: cameras(training, distances), held_out: cameras(held_out, &[]) }
 }
 
 /// Returns cameras with small pictures, which show where a field for a distance is looked at from: there, and from

@@ -66,14 +66,13 @@ impl Standard {
         Measured { whole, between, near }
     }
 
-    /// Returns the pictures from each distance, to measure rounds of refining by: all, or those from halfway and from
-    /// nearby.
-    pub fn shots(&self, all: bool) -> Vec<Vec<Shot>> {
+    /// Returns the pictures from each distance, to measure rounds of refining by: all but the first groups.
+    pub fn shots(&self, first: usize) -> Vec<Vec<Shot>> {
         let shots = |pictures: &Pictures| -> Vec<Shot> {
             let both = pictures.cameras.iter().zip(&pictures.images);
             both.map(|(camera, image)| Shot::new(camera, &image.pixels)).collect()
         };
-        self.all()[usize::from(!all)..].iter().copied().map(shots).collect()
+        self.all()[first..].iter().copied().map(shots).collect()
     }
 
     fn all(&self) -> [&Pictures; 3] {

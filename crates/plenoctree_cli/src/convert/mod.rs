@@ -66,8 +66,10 @@ pub fn run(arguments: &Arguments) -> Result {
     let (side, size) = ((high - low).max_element(), arguments.picture_size);
     let near = arguments.near.unwrap_or(0.5 * side);
     let between = (near * cameras::far(low, high)).sqrt();
-    let [whole, between_cameras, near_cameras] =
-        [cameras::around(low, high, size), cameras::at(low, high, between, size), cameras::at(low, high, near, size)];
+    let is_for_near = arguments.near.is_some() || arguments.quality.is_some();
+    let whole = cameras::around(low, high, size);
+    let between_cameras = cameras::at(low, high, between, size, false);
+    let near_cameras = cameras::at(low, high, near, size, is_for_near);
     let pictures = |cameras: &Cameras| {
         let images = photograph(&splats, &cameras.held_out, "measuring", None, |_, image| image);
         Pictures { cameras: cameras.held_out.clone(), images }
@@ -78,7 +80,6 @@ pub fn run(arguments: &Arguments) -> Result {
 
     let start = Instant::now();
     let spinner = progress::spinner("voxelizing", false);
-    let is_for_near = arguments.near.is_some() || arguments.quality.is_some();
     let cells = side / cameras::pixel(if is_for_near { near } else { between }, size);
     let depth = arguments.depth.unwrap_or_else(|| cells.log2().clamp(6.0, 10.0).round() as u32);
     let bounds = Some((low, high));
@@ -105,8 +106,8 @@ pub fn run(arguments: &Arguments) -> Result {
     let (mut refined, mut refining) = (None, Duration::ZERO);
     if !arguments.no_refine {
         let start = Instant::now();
-        // Fields for views from nearby are not refined with views of the whole.
-        let first = usize::from(is_for_near);
+        // Fields for views from nearby are only refined with these.
+        let first = if is_for_near { 2 } else { 0 };
         let training = [whole.training, between_cameras.training, near_cameras.training];
         let training = &training[first..];
         let shot = |camera: &PinholeCamera, image: SplatImage| Shot::new(camera, &image.pixels);
@@ -117,7 +118,7 @@ pub fn run(arguments: &Arguments) -> Result {
             console::complain!("warning: stopped before refining: the field is as voxelized");
         } else {
             drop(splats);
-            let held_out = standard.shots(!is_for_near);
+            let held_out = standard.shots(first);
             let settings = RefineSettings {
                 effort: arguments.effort,
                 time: arguments.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
