@@ -409,8 +409,7 @@ mod tests {
         fs::remove_dir_all(&folder).unwrap();
     }
 
-    /// A field of which packing would leave nothing is packed all the same. One that no packed file can hold is written
-    /// as it is.
+    /// A field of which packing would leave nothing is packed all the same.
     #[test]
     fn fields_that_cannot_be_packed_are_not_lost() {
         let folder = folder("unpacked");
