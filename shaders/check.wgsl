@@ -4,7 +4,7 @@
 #import bevy_plenoctree::batch::{
     AGREES, EMPTY, GAPS_ACROSS, MOST_GAPS, SPACING, batch_of, ray_around,
 }
-#import bevy_plenoctree::view::{is_solid, scene_depth_at, unpack_owner, view}
+#import bevy_plenoctree::view::{distance_from_depth, is_solid, length_at, scene_depth_at, unpack_owner, view}
 
 @group(1) @binding(0) var layer: texture_2d<f32>;
 @group(1) @binding(1) var owner: texture_2d<f32>;
@@ -13,9 +13,15 @@
 @group(2) @binding(0) var<storage, read_write> counts: array<atomic<u32>>;
 @group(2) @binding(1) var<storage, read_write> gaps: array<u32>;
 
-// The largest relative difference of depths at pixels where the scene shows the same surface. In perspective, this is
-// the relative difference of distances.
+// The largest difference of distances at pixels where the scene shows the same surface. See `are_apart`.
 const SAME_SURFACE: f32 = 0.05;
+
+// Returns whether the distances of the least and the greatest depth differ by more than a part of the larger distance or,
+// with parallel rays, of the height of the view.
+fn are_apart(depths: vec2<f32>, part: f32) -> bool {
+    let far = distance_from_depth(depths.x);
+    return depths.y > depths.x && far - distance_from_depth(depths.y) > part * length_at(far);
+}
 
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
@@ -52,12 +58,15 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
         scene_depths = vec2(min(scene_depths.x, there), max(scene_depths.y, there));
     }
 
+    // At the end of an even view, there are pixels beyond the last rays.
+    let is_at_end = any((gap + 1u) * SPACING == view.size);
     let spread = most - least;
     let error = max(max(spread.r, spread.g), max(spread.b, spread.a));
     let needs_rays = differ
         || error > view.ray_tolerance
-        || solid_depths.y - solid_depths.x > view.ray_tolerance * solid_depths.y
-        || scene_depths.y - scene_depths.x > SAME_SURFACE * scene_depths.y;
+        || are_apart(solid_depths, view.ray_tolerance)
+        || are_apart(scene_depths, SAME_SURFACE)
+        || is_at_end;
     var found = select(AGREES, EMPTY, is_empty);
     if needs_rays {
         let batch = batch_of(gap * SPACING, 0u);

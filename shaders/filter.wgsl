@@ -52,11 +52,11 @@ fn fragment(
 
 // `only` is the owner of pixels that count, or 0 if all do.
 fn add(sum: ptr<function, Sum>, at: vec2<i32>, lab: vec3<f32>, only: u32, closeness: f32, range: f32) {
-    // Taps outside the viewport have no weight, whatever they load.
-    let pixel = unpack(textureLoad(source, at, 0));
+    // Taps outside the viewport have no weight.
+    let inside = clamp(at, vec2(0), vec2<i32>(view.size) - 1);
+    let pixel = unpack(textureLoad(source, inside, 0));
     let difference = pixel.place - lab;
-    let inside = all(at >= vec2(0)) && all(at < vec2<i32>(view.size));
-    let counts = inside && (only == 0u || pixel.owner == only);
+    let counts = all(inside == at) && (only == 0u || pixel.owner == only);
     let weight = select(0.0, exp(closeness - dot(difference, difference) * range), counts);
     (*sum).color += weight * pixel.color;
     (*sum).weight += weight;

@@ -7,7 +7,7 @@
 #import bevy_plenoctree::recolor::recolored_in_tint
 #import bevy_plenoctree::shade::{Light, lit_prop, shade_of_owner, smooth_shade_of}
 #import bevy_plenoctree::target::{composited, over_scene}
-#import bevy_plenoctree::view::{distance_from_depth, haze_prop, is_solid, labelings, props, screen, view}
+#import bevy_plenoctree::view::{distance_from_depth, haze_prop, is_solid, labelings, length_at, props, screen, view}
 
 @group(1) @binding(1) var layer: texture_2d<f32>;
 #ifdef UNPOSTERIZED
@@ -25,7 +25,8 @@
 
 // Keeps labels while something moves, so that they do not flicker. See `Posterize::steadiness`.
 
-// The largest difference of distances at which two frames see the same part of a prop, relative to the distance.
+// The largest difference of distances at which two frames see the same part of a prop, relative to the distance or, with
+// parallel rays, to the height of the view.
 const SAME: f32 = 0.01;
 
 // The labels of the former frame around a point of a prop, plus 2, or 0 where it saw something else: of four pixels with
@@ -41,7 +42,7 @@ fn former_label(prop: u32, pixel: vec2<f32>, depth: f32) -> u32 {
     let texel = textureLoad(labels_before, at, 0).xy;
     let solid = textureLoad(depth_before, at, 0);
     let distance = distance_from_depth(solid);
-    let is_same = is_solid(solid) && abs(distance_from_depth(depth) - distance) < SAME * distance;
+    let is_same = is_solid(solid) && abs(distance_from_depth(depth) - distance) < SAME * length_at(distance);
     return select(0u, texel.x, is_same && texel.y == labelings[prop].former.owner);
 }
 

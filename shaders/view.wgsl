@@ -62,6 +62,8 @@ struct View {
     props: u32,
     // The number of lists of pixels at edges, a power of two. See `list_of` of `batch.wgsl`.
     edge_lists: u32,
+    // With parallel rays, the height of the viewport in world units, and otherwise 0.
+    height: f32,
 }
 
 // How colors are shown.
@@ -195,6 +197,12 @@ fn distance_from_depth(ndc: f32) -> f32 {
     let offset = view.depth.y - ndc * view.depth.w;
     // With an infinite far plane, the slope is 0 where nothing was drawn.
     return select(FAR_AWAY, offset / slope, abs(slope) > 1e-30 * abs(offset));
+}
+
+// Returns a length at this distance along the view axis that takes up the same part of the view at any distance: with
+// parallel rays, the distance says nothing about it.
+fn length_at(distance: f32) -> f32 {
+    return select(abs(distance), view.height, view.height > 0.0);
 }
 
 // Returns the depth for a distance along the view axis.

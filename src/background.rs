@@ -1,8 +1,8 @@
 //! Runs work that takes longer than a frame on dedicated threads.
 //!
 //! On small machines, Bevy's task pools have a single thread each, which compiles pipelines and reads files. Long work
-//! in them would block all of that. Where a thread can lower its priority, these do, so that they use only the time
-//! that frames leave.
+//! in them would block all of that. On Linux and Android, these threads have a low priority, so that they use only the
+//! time that frames leave.
 
 use std::{
     sync::{Condvar, Mutex, MutexGuard, OnceLock, PoisonError},
@@ -27,6 +27,25 @@ pub(crate) fn spawn<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static
     }
     #[cfg(target_arch = "wasm32")]
     return bevy::tasks::AsyncComputeTaskPool::get().spawn(async move { work() });
+}
+
+/// Runs `work`, which reads a file, on one of a few threads that files share: a game may load dozens at the same time. Its
+/// parts for rayon run there, too. Returns a task like [`spawn`].
+pub(crate) fn read<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Task<T> {
+    #[cfg(not(target_arch = "wasm32"))]
+    {
+        static READERS: OnceLock<Option<rayon::ThreadPool>> = OnceLock::new();
+        let readers = READERS.get_or_init(|| threads(spare_cores().div_ceil(2), "plenoctree reader"));
+        let schedule = move |task: async_task::Runnable| match readers {
+            Some(readers) => readers.spawn(|| _ = task.run()),
+            None => on_thread(task),
+        };
+        let (runnable, task) = async_task::spawn(async move { work() }, schedule);
+        runnable.schedule();
+        task
+    }
+    #[cfg(target_arch = "wasm32")]
+    return spawn(work);
 }
 
 /// Drops `value`, which holds `bytes` of memory: on a thread of its own if that takes long.
@@ -143,17 +162,23 @@ fn yield_to_frames() {
 /// lock.
 pub(crate) fn on_cores<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     static CORES: OnceLock<Option<rayon::ThreadPool>> = OnceLock::new();
-    let cores = CORES.get_or_init(|| {
-        let threads = available_parallelism().map_or(1, |cores| cores.get() - 1).max(1);
-        let name = |index| format!("plenoctree {index}");
-        let builder = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(name);
-        builder.start_handler(|_| yield_to_frames()).build().ok()
-    });
-    match cores {
+    match CORES.get_or_init(|| threads(spare_cores(), "plenoctree")) {
         Some(cores) => cores.install(work),
-        // The threads could not be started.
         None => work(),
     }
+}
+
+/// Returns the number of cores, but one, which is left to the app, and at least 1.
+fn spare_cores() -> usize {
+    available_parallelism().map_or(1, |cores| cores.get() - 1).max(1)
+}
+
+/// Starts `count` threads of low priority, or returns `None` if they cannot be started. Rayon's own threads are for the
+/// app: those that start first would give theirs the low priority.
+fn threads(count: usize, name: &'static str) -> Option<rayon::ThreadPool> {
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(count);
+    let builder = builder.thread_name(move |index| format!("{name} {index}"));
+    builder.start_handler(|_| yield_to_frames()).build().ok()
 }
 
 #[cfg(test)]

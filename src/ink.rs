@@ -2,7 +2,7 @@
 
 use bevy::{ecs::VariantDefaults, prelude::*};
 
-/// Draws lines on a posterized [`Prop`](crate::Prop), as in a comic: along its silhouette, where its depth breaks, and
+/// Draws lines on a posterized [`Prop`](crate::Prop), as in a comic: along its silhouette, where its depth jumps, and
 /// between its materials.
 ///
 /// On a camera, it applies to all posterized props that the camera sees and that have no `Ink` of their own. A prop as
@@ -47,8 +47,9 @@ pub struct Ink {
     ///
     /// Defaults to true.
     pub silhouette: bool,
-    /// Whether there are lines where the prop's depth breaks: where a part of it is in front of another one that is
-    /// farther away by at least eight times `width`. The lines are faint there, and reach full strength at twelve times.
+    /// Whether there are lines where the prop's depth jumps: where one part of it is in front of another that is
+    /// farther away by at least eight times `width`. At that distance, the lines are faint; at twelve times, they are
+    /// at full strength.
     /// There are none on glass and haze, through which something shows.
     ///
     /// Defaults to true.

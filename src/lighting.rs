@@ -68,16 +68,16 @@ pub struct PropLighting {
     /// Defaults to [`f32::MAX`]: the prop casts no shadow on itself. Clamped to 0..=[`f32::MAX`], because JSON has no
     /// infinity.
     pub self_shadow_distance: f32,
-    /// The share of its own linear light that a prop gains in the brightest light. Where the scene's lights make a
-    /// white mesh `light` times as bright as white, it gains `1 - exp(-light)` of this share: 0.63 of it where a white
-    /// mesh looks just white, and 0.4 in half of that light.
+    /// The light that a prop gains in the brightest light, as a multiple of its own linear light. Where the scene's
+    /// lights make a white mesh `light` times as bright as white, the prop gains `1 - exp(-light)` of this: 0.63 of it
+    /// where a white mesh looks just white, and 0.4 of it in half of that light.
     ///
     /// Counts directional, point and spot lights with their shadows and their range, by the angle at which their light
     /// falls on the prop, and ambient light. It does not count environment maps. Point and spot lights only add: where
-    /// they are blocked, the prop looks as it would without them. Where directional light is blocked, the share of it
-    /// in all light that would arrive is subtracted from the added light, so a shadow of the moon is lost in the light
+    /// they are blocked, the prop looks as it would without them. Where directional light is blocked, its share of all
+    /// the light that would arrive is subtracted from the added light, so the shadow of the moon is lost in the light
     /// of a lamp. The surface is smoothed over at least 3% of the prop's size, so that steps end at smooth lines
-    /// although it consists of cells. Smaller parts are lit like what is around them.
+    /// although the prop consists of cells. Smaller parts are lit like their surroundings.
     ///
     /// The light of a lamp comes on top of what the prop was trained with. To make it dark where no lamp shines, dim it
     /// with a [`PropTint`](crate::PropTint).

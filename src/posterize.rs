@@ -12,8 +12,8 @@ pub const MAX_FILTER_ITERATIONS: u32 = 16;
 /// The maximum of [`BilateralFilter::radius`], in pixels.
 pub const MAX_FILTER_RADIUS: u32 = 6;
 
-/// Posterizes a [`Prop`](crate::Prop): filters its pixels and replaces their colors by labels, as described in section
-/// 4 of the method.
+/// Posterizes a [`Prop`](crate::Prop): filters its pixels and replaces their colors with labels, as described in
+/// section 4 of [the method](https://github.com/bevy-plenoctree/bevy_plenoctree/blob/main/docs/method.md).
 ///
 /// With [tones](crate::PaletteMethod::Tones), the default, labels do not depend on what is behind the prop, and the
 /// prop stays as transparent as the field. With other palettes, posterized pixels are opaque, and the background

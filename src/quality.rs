@@ -33,8 +33,8 @@ pub struct PropQuality {
     ///
     /// Defaults to 0.01, the value of the method. Clamped to 0..=1.
     pub stop_transmittance: f32,
-    /// The density below which leaves are dropped, per world unit of the field. Applies in addition to the [threshold
-    /// for loading](plenoctree::LoadSettings::density_threshold).
+    /// The density below which leaves are left out, per unit of the field, whatever the prop's scale. Applies in
+    /// addition to the [threshold for loading](plenoctree::LoadSettings::density_threshold).
     ///
     /// Defaults to 0. Negative values count as 0.
     pub density_threshold: f32,

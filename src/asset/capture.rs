@@ -27,8 +27,8 @@ pub(super) const EXTENSIONS: [&str; 4] = ["ply", "spz", "sog", "splat"];
 /// Loads captures of Gaussian splats as [`PlenOctree`] assets: `.ply`, `.spz`, `.sog` and `.splat` files, and others
 /// whose `.meta` file names this loader, such as glTF with `KHR_gaussian_splatting`, or the `meta.json` file of SOG.
 ///
-/// The Gaussians are added up in the cells of a field, in the background, of at most two captures at the same time. That
-/// takes seconds, and fields of captures are large, so pack them with the asset processor
+/// The Gaussians are added up in the cells of a field in the background, for at most two captures at a time. This takes
+/// seconds, and fields of captures are large, so pack them with the asset processor
 /// ([`PackSaver`](crate::PackSaver)), or convert them with `plenoctree convert`, which also refines them. Invalid files
 /// fail to load with a [`SplatError`].
 #[derive(TypePath)]

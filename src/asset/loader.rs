@@ -12,7 +12,7 @@ use plenoctree::{LoadSettings, PlenOctree, ReadError};
 use super::progress::FilesRead;
 use crate::background;
 
-/// Loads `.plenoctree` and `.npz` files as [`PlenOctree`] assets, on a dedicated thread. Supports hot reloading.
+/// Loads `.plenoctree` and `.npz` files as [`PlenOctree`] assets, on threads of its own. Supports hot reloading.
 ///
 /// [`LoadSettings`] supply what the file does not record. The format is detected from the content, so `.npz` files that
 /// an asset processor has [packed](crate::PackSaver) load under their original names. Invalid files fail to load with a
@@ -47,7 +47,7 @@ impl AssetLoader for PlenOctreeLoader {
         let mut progress = self.files.watch(context.path().clone());
         let read = progress.read(reader).await;
         let bytes = read.map_err(|error| ReadError { file: file.clone(), fault: error.into() })?;
-        background::spawn(move || PlenOctree::read_from(Cursor::new(bytes), &file, &settings)).await
+        background::read(move || PlenOctree::read_from(Cursor::new(bytes), &file, &settings)).await
     }
 
     fn extensions(&self) -> &[&str] {

@@ -10,8 +10,8 @@ use super::{Headless, HeadlessError};
 
 impl Headless {
     /// Moves the mouse pointer to `position`, in pixels of the target from its upper left corner, and runs one frame,
-    /// in which no camera draws. By the time it returns, observers of what is there have run: of
-    /// [`Pointer<Over>`](Over) and [`Pointer<Move>`](Move), for example.
+    /// in which no camera draws. By the time it returns, the observers of the entity under the pointer have run, such
+    /// as those of [`Pointer<Over>`](Over) and [`Pointer<Move>`](Move).
     ///
     /// Pointers hit what the last frame showed, so run a frame after spawning or moving something. Props are hit if the
     /// app has the [`PropPickingPlugin`](crate::PropPickingPlugin). Requires the feature `picking`.
@@ -27,9 +27,9 @@ impl Headless {
     }
 
     /// Clicks at `position`, in pixels of the target from its upper left corner: moves the mouse pointer there, presses
-    /// its primary button, and releases it, each in a frame in which no camera draws. Observers of
-    /// [`Pointer<Click>`](Click) have been called when it returns, and those of [`pointer_to`](Self::pointer_to), of
-    /// [`Pointer<Press>`](Press) and of [`Pointer<Release>`](Release).
+    /// its primary button, and releases it, each in a frame in which no camera draws. By the time it returns, the
+    /// observers of [`Pointer<Press>`](Press), [`Pointer<Release>`](Release) and [`Pointer<Click>`](Click) have run,
+    /// and so have those that [`pointer_to`](Self::pointer_to) triggers.
     ///
     /// ```no_run
     /// # use std::time::Duration;

@@ -66,9 +66,8 @@ pub struct PaletteExtraction {
     /// extraction was [requested](Self::request). If all of them name other methods before the palette is ready, the
     /// extraction starts over.
     pub settings: ExtractionSettings,
-    /// Whether fields without a palette get one. Otherwise, only those do whose extraction is
-    /// [requested](Self::request); props of others wait for a palette that you insert. Extractions that are already
-    /// running go on.
+    /// Whether every field without a palette gets one. If false, only the fields that you [request](Self::request) do,
+    /// and the props of all others wait until you insert a palette. Extractions that are already running continue.
     ///
     /// Disable it where nobody sees props, such as on a dedicated server: without a GPU, every field that arrives would
     /// be sampled on the CPU.

@@ -164,10 +164,12 @@ impl PaletteOverride {
         }
     }
 
-    /// Moves ramps of the field's palette on this entity so that labels get given colors, like
-    /// [`FieldPalette::recolor`]. Overrides all colors of ramps that have a wish and are not in `locked`, and colors in
-    /// no ramp that have one, even if they already show the wished color, because wishes belong to the entity and outlast
-    /// changes of the field's palette. Later adjustments of these ramps only show once their colors are
+    /// Moves ramps of the field's palette on this entity so that the wished labels get the wished colors, like
+    /// [`FieldPalette::recolor`].
+    ///
+    /// Overrides all colors of every ramp that has a wish and is not in `locked`, and every color in no ramp that has a
+    /// wish. It does so even if they already show the wished colors: wishes belong to the entity, and outlast changes
+    /// of the field's palette. Later adjustments of these ramps have no effect until their colors are
     /// [`unset`](Self::unset).
     ///
     /// Returns an error that says which wishes cannot be met. The colors then come as near to all of them as possible.

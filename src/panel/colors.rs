@@ -48,15 +48,14 @@ impl<'a> Colors<'a> {
 }
 
 /// Shows a color that can be edited and returns the new color if the user edited it.
-pub(super) fn edit_swatch(ui: &mut egui::Ui, color: Color, size: egui::Vec2) -> Option<Color> {
+pub(super) fn edit_swatch(ui: &mut egui::Ui, color: Color, size: egui::Vec2) -> egui::InnerResponse<Option<Color>> {
     ui.scope(|ui| {
         ui.spacing_mut().interact_size = size;
         let mut channels = bytes(color);
         let button = ui.color_edit_button_srgb(&mut channels);
         let [r, g, b] = channels;
-        let changed = button.changed();
-        button.on_hover_text(format!("{} (click to edit)", hex(color)));
-        changed.then(|| Color::srgb_u8(r, g, b))
+        let edited = button.changed().then(|| Color::srgb_u8(r, g, b));
+        egui::InnerResponse::new(edited, button.on_hover_text(format!("{} (click to edit)", hex(color))))
     })
     .inner
 }

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_egui::egui;
 
 use super::{
-    colors::{Colors, edit_swatch},
+    colors::{Colors, bytes, edit_swatch},
     editor::{ColorEdit, Edit},
 };
 
@@ -40,16 +40,23 @@ fn row(ui: &mut egui::Ui, colors: &Colors, ramp: usize) -> Option<Edit> {
     } else if let Some(name) = edit_name(ui, name, ramp) {
         edit = Some(Edit::Rename(ramp, name));
     }
-    if let Some(color) = edit_swatch(ui, colors.ramp_color(ramp), RAMP) {
+    if let Some(color) = edit_swatch(ui, colors.ramp_color(ramp), RAMP).inner {
         edit = Some(ColorEdit::SetRamp(ramp, color).into());
     }
     ui.spacing_mut().item_spacing.x = 1.0;
     let room = (ui.available_width() - REST) / tones.len().max(1) as f32 - 1.0;
     let size = egui::vec2(TONE.x.min(room).max(2.0), TONE.y);
     for &tone in tones {
-        let id = ui.id().with(("tone", tone));
-        let changed = ui.dnd_drag_source(id, Dragged(tone), |ui| edit_swatch(ui, colors.shown[tone], size)).inner;
-        edit = changed.map(|color| ColorEdit::Set(tone, color).into()).or(edit);
+        let egui::InnerResponse { inner, response } = edit_swatch(ui, colors.shown[tone], size);
+        edit = inner.map(|color| ColorEdit::Set(tone, color).into()).or(edit);
+        // One widget for both, because egui ignores clicks on what can only be dragged.
+        let response = response.interact(egui::Sense::drag());
+        response.dnd_set_drag_payload(Dragged(tone));
+        if let (true, Some(at)) = (response.dragged(), ui.ctx().pointer_interact_pos()) {
+            let [r, g, b] = bytes(colors.shown[tone]);
+            let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Tooltip, response.id));
+            painter.rect_filled(egui::Rect::from_center_size(at, size), 2.0, egui::Color32::from_rgb(r, g, b));
+        }
     }
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
         let edited = tones.iter().any(|tone| colors.is_edited(*tone));
@@ -71,7 +78,8 @@ fn edit_name(ui: &mut egui::Ui, name: &str, ramp: usize) -> Option<String> {
         ui.data_mut(|data| data.remove::<String>(id));
         // Names have no spaces at their ends.
         let text = text.trim();
-        return (text != name).then(|| text.to_string());
+        let is_canceled = ui.input(|input| input.key_pressed(egui::Key::Escape));
+        return (text != name && !is_canceled).then(|| text.to_string());
     }
     if response.changed() {
         ui.data_mut(|data| data.insert_temp(id, text));

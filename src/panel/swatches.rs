@@ -61,7 +61,7 @@ fn grid(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
         for index in indices {
             ui.weak(index.to_string());
             swatch(ui, source_color(colors.palette, index));
-            if let Some(color) = edit_swatch(ui, colors.shown[index], SWATCH) {
+            if let Some(color) = edit_swatch(ui, colors.shown[index], SWATCH).inner {
                 edit = Some(ColorEdit::Set(index, color).into());
             }
             let share = format!("{:.1}%", colors.share(index));

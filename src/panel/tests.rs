@@ -77,14 +77,12 @@ impl Panel {
 
     /// Replaces the text that is edited.
     fn replace(&mut self, text: &str) {
-        let all = egui::Event::Key {
-            key: egui::Key::A,
-            physical_key: None,
-            pressed: true,
-            repeat: false,
-            modifiers: egui::Modifiers::COMMAND,
-        };
-        self.frame(vec![all, egui::Event::Text(text.into())]);
+        self.press(egui::Key::A, egui::Modifiers::COMMAND);
+        self.frame(vec![egui::Event::Text(text.into())]);
+    }
+
+    fn press(&mut self, key: egui::Key, modifiers: egui::Modifiers) {
+        self.frame(vec![egui::Event::Key { key, physical_key: None, pressed: true, repeat: false, modifiers }]);
     }
 
     /// Presses the button at one place and releases it at another.
@@ -209,6 +207,12 @@ fn ramps_are_renamed() {
     panel.replace("cap");
     panel.click("Posterize");
     assert_eq!(panel.palette().ramps()[1].name, "foot");
+    // Escape cancels.
+    panel.click("foot");
+    panel.replace("heel");
+    panel.press(egui::Key::Escape, egui::Modifiers::NONE);
+    panel.click("Posterize");
+    assert_eq!(panel.palette().ramps()[1].name, "foot");
 }
 
 /// Overrides refer to ramps by name: those of other props of the field follow, also if they are put away.
@@ -271,6 +275,17 @@ fn tones_are_dragged_to_other_ramps() {
     panel.drag(tone, cap);
     assert_eq!(panel.palette().ramps().len(), 1);
     assert_eq!(panel.palette().ramps()[0].tones, [0, 1]);
+}
+
+/// A click on a tone opens its picker, although tones can be dragged.
+#[test]
+fn tones_are_edited_by_a_click() {
+    let mut panel = Panel::new();
+    panel.split();
+    let tone = egui::pos2(150.0, panel.text("stem").y);
+    assert!(!egui::Popup::is_any_open(&panel.context));
+    panel.drag(tone, tone);
+    assert!(egui::Popup::is_any_open(&panel.context));
 }
 
 #[test]

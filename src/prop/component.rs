@@ -13,10 +13,11 @@ use super::{drawn::DrawnField, progress::PropProgress, state::PropState};
 
 /// Places a field in the scene.
 ///
-/// The field is placed by the entity's [`Transform`], in the field's own world units, and rotated so that its up axis
-/// becomes Bevy's y axis. Scaling the entity does not change the field's apparent density, and highlights rotate with
-/// the entity. Scales from 1e-20 to 1e20 along each axis are supported.
 /// By default, the field is drawn as trained; add [`Posterize`](crate::Posterize) to posterize it.
+///
+/// The entity's [`Transform`] places the field: one unit of the field is one unit of the world, and the field's up axis
+/// becomes Bevy's y axis. Scaling the entity does not change how dense the field looks, and highlights rotate with the
+/// entity. Scales from 1e-20 to 1e20 along each axis are supported.
 ///
 /// [`PropState`] says whether the prop can be drawn yet, and [`PropProgress`] how close it is. If it is given another
 /// field, the previous one is drawn until the new one can be. A prop with a default handle waits until it is given

@@ -179,17 +179,23 @@ pub(super) fn covered(clip_from_box: DMat4, size: UVec2) -> URect {
     match extent(clip_from_box, size) {
         // The casts saturate.
         Some([low, high]) => whole.intersect(URect::from_corners(low.as_uvec2(), high.as_uvec2())),
+        // Not all props behind the camera are culled.
+        None if corners(clip_from_box).all(|corner| corner.w <= 0.0) => URect::default(),
         None => whole,
     }
+}
+
+/// Returns the corners of the unit cube in clip space.
+fn corners(clip_from_box: DMat4) -> impl Iterator<Item = DVec4> {
+    let corner = |index: u32| UVec3::new(index & 1, index >> 1 & 1, index >> 2).as_dvec3();
+    (0..8).map(move |index| clip_from_box * corner(index).extend(1.0))
 }
 
 /// Returns the corners of the pixels that the unit cube can cover, which may be out of view, or `None` if a part of the
 /// cube is behind the camera.
 pub(super) fn extent(clip_from_box: DMat4, size: UVec2) -> Option<[DVec2; 2]> {
     let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-    for corner in 0..8 {
-        let corner = UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
-        let clip = clip_from_box * corner.as_dvec3().extend(1.0);
+    for clip in corners(clip_from_box) {
         if clip.w <= 0.0 {
             return None;
         }
@@ -258,6 +264,16 @@ mod tests {
         }
         assert!(!has_rays(here, nowhere, 1.0));
         assert!(!has_rays(here, here, f32::NAN));
+    }
+
+    /// Props behind the camera cover nothing, even if they are not culled.
+    #[test]
+    fn boxes_behind_the_camera_cover_nothing() {
+        let projection = DMat4::perspective_infinite_reverse_rh(1.0, 1.0, 0.1);
+        let at = |z: f64| covered(projection * DMat4::from_translation(DVec3::new(-0.5, -0.5, z)), UVec2::splat(64));
+        assert!(at(2.0).is_empty());
+        assert_eq!(at(-0.5), URect::new(0, 0, 64, 64));
+        assert!(!at(-9.0).is_empty());
     }
 
     proptest! {

@@ -245,6 +245,8 @@ pub(super) struct ViewUniform {
     pub props: u32,
     /// The number of lists of pixels at edges, a power of two. See `list_of` of `batch.wgsl`.
     pub edge_lists: u32,
+    /// With parallel rays, the height of the viewport in world units, and otherwise 0.
+    pub height: f32,
 }
 
 /// How colors are shown. Matches `Screen` in `view.wgsl`.

@@ -15,9 +15,9 @@ pub fn props_ready(props: Query<&PropState, With<Prop>>) -> bool {
 }
 
 /// A system that returns how much of all fields is ready to be drawn, from 0 to 1, for loading screens: the mean of
-/// their [fractions](PropProgress::fraction). Each field counts once, however many props show it. If some of them wait
-/// for less than others, the one that waits for most counts. Returns 1 if there are no props. Pipelines that are being
-/// compiled do not count: they take a few frames at the end.
+/// their [fractions](PropProgress::fraction). Each field counts once, however many props show it, with the lowest
+/// fraction of these props. Returns 1 if there are no props. Pipelines that are being compiled do not count: they take
+/// a few frames at the end.
 ///
 /// ```
 /// # use bevy::prelude::*;

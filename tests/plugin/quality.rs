@@ -1,6 +1,6 @@
 //! Tests that quality presets and settings are as accurate as promised, against the float64 reference.
 
-use bevy::{prelude::*, render::render_asset::RenderAssets};
+use bevy::{camera::ScalingMode, prelude::*, render::render_asset::RenderAssets};
 use bevy_plenoctree::{
     EdgeSmoothing, FieldPalette, GpuField, Palette, PlenOctree, Posterize, PropQuality, QualityPreset, SolidOpacity,
 };
@@ -10,8 +10,9 @@ use plenoctree::{BakeSettings, Basis, bake, camera::PinholeCamera, reference};
 
 use super::stage::{
     Stage,
-    fields::{colored, included},
-    pixels::{difference, differing, is_off},
+    fields::{SOLID, colored, cube, included},
+    pixels::{at, difference, differing, is_near, is_off},
+    unlit,
 };
 
 const SIZE: u32 = 160;
@@ -246,4 +247,51 @@ fn settings_beyond_their_range_count_as_its_ends() {
     }
     let most = PropQuality { filter_iterations: u32::MAX, ..default() };
     assert!(capture(&mut stage, &camera, most) == exact, "the largest count is not the default");
+}
+
+/// A bar that is one pixel wide hides the prop behind it, also between the rays of the grid and if rays are parallel.
+#[test]
+fn narrow_meshes_hide_props_with_fewer_rays() {
+    let size = 64;
+    // The camera's distance from the bar, and the height of the view there.
+    let (distance, parallel) = (4.0, 3.0);
+    let perspective = PerspectiveProjection::default();
+    let height = 2.0 * distance * (0.5 * perspective.fov).tan();
+    let scaling_mode = ScalingMode::FixedVertical { viewport_height: parallel };
+    let orthographic = OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() };
+    for (name, projection, height) in [
+        ("perspective", Projection::Perspective(perspective), height),
+        ("parallel rays", Projection::Orthographic(orthographic), parallel),
+    ] {
+        let mut stage = Stage::with_meshes(size);
+        stage.spawn_prop(&cube(SOLID, DVec3::new(0.8, 0.2, 0.1)), ());
+        let wall = Transform::from_xyz(0.0, 0.0, -3.0);
+        stage.spawn_mesh(Rectangle::new(40.0, 40.0), unlit(Color::srgb(0.2, 0.4, 0.9)), wall);
+        let (green, pixel) = (Color::srgb(0.1, 0.7, 0.2), height / size as f32);
+        // Rays of the grid go through even columns.
+        let column = size / 2 + 3;
+        let place = Transform::from_xyz(3.5 * pixel, 0.0, 1.0);
+        stage.spawn_mesh(Rectangle::new(0.9 * pixel, 40.0), unlit(green), place);
+        stage.set((projection, Transform::from_xyz(0.0, 0.0, 1.0 + distance)));
+        stage.set(PropQuality::EXACT);
+        let exact = stage.capture();
+        assert!(is_near(at(&exact, column, size / 2), green, 1), "{name}");
+        stage.set(PropQuality { ray_tolerance: 0.18, ..PropQuality::EXACT });
+        assert_eq!(differing(&exact, &stage.capture(), 1), 0, "{name}");
+    }
+}
+
+/// There is no ray of the grid beyond the last row and column of a view, so they are not interpolated.
+#[test]
+fn the_last_pixels_of_a_view_are_exact() {
+    let color = |at: DVec3| DVec3::new(0.5, 0.5 + 0.3 * (40.0 * at.x).sin(), 0.5 + 0.3 * (40.0 * at.y).sin());
+    let mut stage = Stage::of(64, &colored(7, |_| SOLID, color));
+    stage.set((PropQuality::EXACT, Transform::from_xyz(0.0, 0.0, 2.2)));
+    let exact = stage.capture();
+    stage.set(PropQuality { ray_tolerance: 0.4, ..PropQuality::EXACT });
+    let frame = stage.capture();
+    assert!(differing(&exact, &frame, 8) > 200, "others are interpolated");
+    for (x, y) in (0..64).flat_map(|index| [(63, index), (index, 63)]) {
+        assert_eq!(at(&frame, x, y), at(&exact, x, y), "{x} {y}");
+    }
 }

@@ -1,6 +1,6 @@
 //! Tests labels that are kept from frame to frame while something moves.
 
-use bevy::prelude::*;
+use bevy::{prelude::*, render::camera::TemporalJitter};
 use bevy_plenoctree::{
     BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, Palette, PaletteMethod, PlenOctree, Posterize, Prop,
     PropQuality,
@@ -126,4 +126,43 @@ fn nothing_lags_behind_a_palette() {
     assert!(red + green > 1000, "{red}, {green}");
     let all = (SIZE * SIZE) as usize;
     assert!(all - red - green - sky < all / 100, "{} pixels show something else", all - red - green - sky);
+}
+
+/// A view with jitter, as for temporal antialiasing, forgets labels when it rests, too.
+#[test]
+fn jitter_keeps_no_labels() {
+    let [mut loose, mut view] = [0.0, f32::INFINITY].map(view);
+    let jittered = |view: &mut Stage, frame: usize| {
+        let offset = Vec2::new(0.25 - 0.5 * (frame % 2) as f32, 0.1);
+        view.set(TemporalJitter { offset });
+        view.capture()
+    };
+    let mut kept = 0;
+    for frame in 0..FRAMES {
+        [&mut loose, &mut view].map(|view| turn(view, frame));
+        kept += differing(&jittered(&mut loose, frame), &jittered(&mut view, frame), 0);
+    }
+    assert!(kept > 500, "{kept}");
+    for frame in 0..14 {
+        jittered(&mut view, frame);
+    }
+    assert!(jittered(&mut view, 0) == jittered(&mut loose, 0), "at rest");
+}
+
+/// Labels last where a prop is drawn at another level of detail.
+#[test]
+fn labels_last_across_levels() {
+    let [mut loose, mut view] = [0.0, f32::INFINITY].map(view);
+    let mut kept = 0;
+    for frame in 0..FRAMES {
+        let frames = [&mut loose, &mut view].map(|view| {
+            turn(view, frame);
+            let cell_size = if frame % 2 == 0 { 0.0 } else { 3.0 };
+            view.set(PropQuality { cell_size, ..default() });
+            view.wait();
+            view.capture()
+        });
+        kept += differing(&frames[0], &frames[1], 0);
+    }
+    assert!(kept > 500, "{kept}");
 }

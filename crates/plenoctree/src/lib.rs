@@ -12,7 +12,7 @@
 //! This crate implements the engine-free half of *Recolorable Posterization of Volumetric Radiance Fields Using
 //! Visibility-Weighted Palette Extraction* (Tojo and Umetani, EGSR 2022). The Bevy plugin is
 //! [`bevy_plenoctree`](https://docs.rs/bevy_plenoctree), and
-//! [`plenoctree_fit`](https://docs.rs/plenoctree_fit) makes fields of photographs and captures.
+//! [`plenoctree_fit`](https://docs.rs/plenoctree_fit) makes fields from photographs and captures.
 //!
 //! # Features
 //!

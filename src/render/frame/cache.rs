@@ -149,7 +149,10 @@ fn key(result: CachedResult, passes: &[Pass], textures: &Textures, buffers: &Vie
     let ViewBuffers { view, props, screen, filters, labelings, lit, shades, first_drawn: _, no_fog: _ } = buffers;
     let labels = || (labelings.hash, plan.values.palettes);
     match result {
-        CachedResult::Layer => (view.hash, props.hash, plan.recolors.then(labels)).hash(&mut hasher),
+        // The coverage pass draws what the composite pass lists, which depends on whether edges are estimated.
+        CachedResult::Layer => {
+            (view.hash, props.hash, plan.recolors.then(labels), plan.estimates_edges).hash(&mut hasher);
+        }
         CachedResult::Composite => (view.hash, screen.hash, filters.hash).hash(&mut hasher),
         CachedResult::Labels => (view.hash, props.hash, screen.hash, labels()).hash(&mut hasher),
     }

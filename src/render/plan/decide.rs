@@ -15,7 +15,7 @@ use crate::{
     render::{
         colors::PlacedPalette,
         extract::{ExtractedInk, ExtractedPosterize, ExtractedProp, ExtractedProps, OrderedProp, VisibleProps},
-        rays::{Rays, covered},
+        rays::{Rays, covered, is_orthographic},
         uniforms::{FilterUniform, LabelsUniform, PlanValues, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
     },
 };
@@ -177,7 +177,7 @@ pub(in crate::render) fn decide(known: &Known, missing: &[Feature], held: Option
     let keeps = quality.steady_labels && finishes;
     let steady = (1..).zip(&seen).filter_map(|(owner, seen)| {
         let posterize = seen.posterize.filter(|posterize| keeps && posterize.settings.is_steady())?;
-        let (place, field) = (seen.prop.pose.world_from_prop, seen.field.bind_group.id());
+        let (place, field) = (seen.prop.pose.world_from_prop, seen.prop.field);
         Some((seen.prop.entity, FormerProp::new(owner, place, field, labels_hash(posterize, colors))))
     });
     let steady: EntityHashMap<_> = steady.collect();
@@ -229,6 +229,11 @@ pub(in crate::render) fn decide(known: &Known, missing: &[Feature], held: Option
             depth_range: Vec2::new(viewport.depth.start, (viewport.depth.end - viewport.depth.start).max(1e-6)),
             props: uniforms.len() as u32,
             edge_lists,
+            height: if is_orthographic(motion.clip_from_view) {
+                (2.0 / motion.clip_from_view.y_axis.y).abs()
+            } else {
+                0.0
+            },
         },
         screen: ScreenUniform {
             // Relative to Bevy's default exposure, or 1 after tonemapping. Shaders divide by it.

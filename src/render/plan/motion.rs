@@ -5,9 +5,10 @@ use bevy::{
     core_pipeline::prepass::PreviousViewData,
     ecs::entity::EntityHashMap,
     prelude::*,
-    render::{camera::TemporalJitter, render_resource::BindGroupId, view::ExtractedView},
+    render::{camera::TemporalJitter, view::ExtractedView},
 };
 use glam::DMat4;
+use plenoctree::PlenOctree;
 
 use crate::render::{
     extract::ExtractedProp,
@@ -21,6 +22,8 @@ pub(super) struct Motion {
     /// Removes the jitter.
     pub unjittered_from_clip: DMat4,
     world_from_clip: DMat4,
+    /// Without the jitter.
+    unjittered_clip_from_world: DMat4,
     previous_clip_from_world: DMat4,
 }
 
@@ -37,14 +40,14 @@ impl Motion {
         }
         let world_from_view = DMat4::from(view.world_from_view.affine().as_daffine3());
         let (jittered, unjittered) = (clip_from_view.as_dmat4(), view.clip_from_view.as_dmat4());
-        let previous_clip_from_world = match previous {
-            Some(previous) => previous.clip_from_world.as_dmat4(),
-            None => unjittered * world_from_view.inverse(),
-        };
+        let unjittered_clip_from_world = unjittered * world_from_view.inverse();
+        let previous_clip_from_world =
+            previous.map_or(unjittered_clip_from_world, |previous| previous.clip_from_world.as_dmat4());
         Self {
             clip_from_view,
             unjittered_from_clip: unjittered * jittered.inverse(),
             world_from_clip: world_from_view * jittered.inverse(),
+            unjittered_clip_from_world,
             previous_clip_from_world,
         }
     }
@@ -75,6 +78,7 @@ const RESTING_FRAMES: u32 = 10;
 #[derive(Clone)]
 pub(in crate::render) struct Former {
     clip_from_world: DMat4,
+    unjittered_clip_from_world: DMat4,
     rect: Rect,
     props: EntityHashMap<FormerProp>,
 }
@@ -85,8 +89,8 @@ pub(super) struct FormerProp {
     /// 1 + its index among the props of the view.
     owner: u32,
     place: GlobalTransform,
-    /// The bind group of its field.
-    field: BindGroupId,
+    /// Its field, at any level.
+    field: AssetId<PlenOctree>,
     /// A number that is different for other labels.
     labels: u64,
     /// For how many frames neither it nor the camera has moved.
@@ -96,14 +100,15 @@ pub(super) struct FormerProp {
 }
 
 impl FormerProp {
-    pub fn new(owner: u32, place: GlobalTransform, field: BindGroupId, labels: u64) -> Self {
+    pub fn new(owner: u32, place: GlobalTransform, field: AssetId<PlenOctree>, labels: u64) -> Self {
         Self { owner, place, field, labels, rested: RESTING_FRAMES, former: None }
     }
 }
 
 impl Former {
     pub(super) fn new(motion: &Motion, rect: Rect, props: EntityHashMap<FormerProp>) -> Self {
-        Self { clip_from_world: motion.clip_from_world(), rect, props }
+        let unjittered_clip_from_world = motion.unjittered_clip_from_world;
+        Self { clip_from_world: motion.clip_from_world(), unjittered_clip_from_world, rect, props }
     }
 
     /// Finds the props that keep labels: if anything in the view moves, those of the former frame, and otherwise those
@@ -113,7 +118,8 @@ impl Former {
             let before = former.props.get(entity);
             before.filter(|before| (before.field, before.labels) == (now.field, now.labels))
         };
-        let turns = self.clip_from_world != former.clip_from_world;
+        // A camera with jitter may rest, too.
+        let turns = self.unjittered_clip_from_world != former.unjittered_clip_from_world;
         let has_moved = |(entity, now)| same(entity, now).is_some_and(|before| before.place != now.place);
         let moves = turns || self.rect != former.rect || self.props.iter().any(has_moved);
         for (entity, now) in &mut self.props {

@@ -16,7 +16,12 @@ use bevy_plenoctree::{
 use glam::DVec3;
 use image::RgbaImage;
 
-use crate::stage::{Stage, fields::colored, pixels::assert_same, unlit};
+use crate::stage::{
+    Stage,
+    fields::{colored, included},
+    pixels::assert_same,
+    unlit,
+};
 
 const SIZE: u32 = 64;
 /// The palette of all fields, in encoded sRGB.
@@ -416,4 +421,28 @@ fn undo_changes(posterizes: bool) {
         }
     }
     still.iter().for_each(|frame| assert_same(frame, &still[0], "a still view"));
+}
+
+/// Whether edges follow from opacity changes what a later pass lists for an earlier result.
+#[test]
+fn edges_are_drawn_anew_when_rays_replace_opacity() {
+    let mut stage = Stage::of(96, &included("toadstool"));
+    stage.dress(Posterize::default());
+    stage.paint(FieldPalette::new(Palette::new(COLORS.to_vec()).unwrap()));
+    stage.set_background(Color::WHITE);
+    let place = |x: f32| Transform::from_xyz(x, 0.2, 1.6).looking_at(Vec3::ZERO, Vec3::Y);
+    stage.set((PropQuality::EXACT, place(0.0)));
+    stage.wait();
+    stage.capture();
+    stage.set((PropQuality::default(), place(0.3)));
+    (0..4).for_each(|_| _ = stage.capture());
+    stage.set(PropQuality::EXACT);
+    let frames: Vec<_> = (0..3).map(|_| stage.capture()).collect();
+    stage.camera_mut().is_active = false;
+    stage.update(1);
+    stage.camera_mut().is_active = true;
+    let anew = stage.capture();
+    for frame in frames {
+        assert_same(&frame, &anew, "exact again");
+    }
 }

@@ -13,7 +13,8 @@ use crate::{
     sampling::{InvalidSetting, Progress, SamplingSettings, ViewRays},
 };
 
-/// Settings of palette extraction. The defaults are the paper's (section 3 of the method), except for the method.
+/// Settings of palette extraction. The defaults are the paper's (section 3 of `docs/method.md`), except that
+/// [`method`](Self::method) is [`PaletteMethod::Tones`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 #[cfg_attr(

@@ -12,11 +12,12 @@ use crate::{
 };
 
 impl PlenOctree {
-    /// Samples the field with the default settings, and returns it with what was found: [`Self::histograms`] returns
-    /// that, and packed files record it with
-    /// [`PackSettings::record_histograms`](crate::PackSettings::record_histograms). So a field that is changed before
-    /// it is packed, for example by `fit::simplify`, keeps its palette if that is a hull or fitted. A palette of tones
-    /// stays near: it also looks at the field itself.
+    /// Samples the field with the default settings, and returns the field with the histograms that were found.
+    /// [`Self::histograms`] returns them, and
+    /// [`PackSettings::record_histograms`](crate::PackSettings::record_histograms) records them in packed files. So a
+    /// field that is changed before it is packed, for example by `plenoctree_fit::simplify`, keeps a palette that is a
+    /// hull or fitted. A palette of tones stays close to the original, because tones also depend on views of the field
+    /// itself.
     ///
     /// Returns the field unchanged if it has histograms already, or if nothing of it is visible.
     ///

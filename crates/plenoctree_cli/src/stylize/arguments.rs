@@ -64,8 +64,8 @@ pub struct Arguments {
     /// The opacity below which pixels are drawn as trained.
     #[arg(long, default_value_t = 80.0 / 255.0, value_parser = |text: &str| parse_number(text, 1.0))]
     min_opacity: f32,
-    /// Smooth the edges of the prop and the borders between labels with --look paper, too; the other looks always do.
-    /// Requires --renderer gpu.
+    /// Smooth the silhouettes of the prop with --look paper, too, and with --softness 0 also the borders between its
+    /// labels. The other looks always do. Requires --renderer gpu.
     #[arg(long)]
     smooth_edges: bool,
     /// Show another color in place of a palette color, given by its index, or of a ramp, given by its name or as

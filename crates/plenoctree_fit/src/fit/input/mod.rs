@@ -39,9 +39,9 @@ impl FitInput {
     ///
     /// # Errors
     ///
-    /// Returns an error that names the file if one cannot be read or has unexpected content, if a picture or mask is
-    /// missing or does not have the stated size, or if a camera has no valid pose or lens. Some of the pictures may be
-    /// missing: see [`FitInput::missing`].
+    /// Returns an error that names the file if one cannot be read or has unexpected content, if all pictures or any
+    /// mask are missing, if a picture or mask does not have the stated size, or if a camera has no valid pose or lens.
+    /// If only some of the pictures are missing, they are listed in [`FitInput::missing`].
     pub fn read(path: &Path, folders: &InputFolders) -> Result<Self, FitError> {
         let mut input = if path.is_file() {
             transforms::read(path, folders)?
