@@ -1,7 +1,10 @@
 //! Settings of posterization: section 4 of the method.
 
 use bevy::{ecs::VariantDefaults, prelude::*};
-use plenoctree::palette::{LabelSpace, Palette, PaletteLabel, PaletteMethod};
+use plenoctree::{
+    LABEL_OPACITY,
+    palette::{LabelSpace, Palette, PaletteLabel, PaletteMethod},
+};
 
 use crate::ink::Ink;
 
@@ -138,7 +141,7 @@ impl Default for Posterize {
         Self {
             blend_steps: 3,
             softness: 0.0,
-            min_opacity: 80.0 / 255.0,
+            min_opacity: LABEL_OPACITY as f32,
             filter: BilateralFilter { iterations: 1, radius: 6, taps: 4, spatial_sigma: 5.0, range_sigma: 5.0 },
             before_palette: BeforePalette::default(),
             edges: EdgeSmoothing::default(),

@@ -57,7 +57,8 @@ pub mod srgb;
 #[cfg(feature = "bake")]
 pub use bake::{BakeError, BakeSettings, bake};
 pub use field::{
-    Activation, Basis, Cell, Codebook, Densities, Frame, InvalidField, LeafCell, MAX_DEPTH, PlenOctree, UpAxis,
+    Activation, Basis, Cell, Codebook, Densities, Frame, InvalidField, LABEL_OPACITY, LeafCell, MAX_DEPTH, PlenOctree,
+    UpAxis,
 };
 #[cfg(feature = "write")]
 pub use file::{DensityLoss, TooEven, WriteError};

@@ -11,11 +11,6 @@ pub fn parse_positive(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "expected a number above 0 and below 1000000".into())
 }
 
-/// Converts a mean squared error of encoded sRGB to decibels of PSNR: 100 at most.
-pub fn decibels(mean_squared: f64) -> f64 {
-    -10.0 * mean_squared.max(1e-10).log10()
-}
-
 /// Returns numbers of the same kind as text: with four decimals, or in scientific notation if the largest has no two
 /// digits then.
 pub fn significant<const N: usize>(numbers: [f64; N]) -> [String; N] {

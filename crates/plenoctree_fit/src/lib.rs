@@ -57,7 +57,7 @@ mod transforms;
 pub use fit::{
     Comparison, Distortion, FitError, FitInput, FitProgress, FitReport, FitSettings, FitStatus, Fitted, HeldOut,
     InputFolders, Lens, Picture, RefineSettings, Refined, RoundReport, Seconds, Shot, SimplifySettings, StageReport,
-    SuspiciousView, View, ViewCamera, ViewReport, fit, refine, simplify, ssim,
+    SuspiciousView, View, ViewCamera, ViewReport, decibels, fit, refine, simplify, ssim,
 };
 #[cfg(feature = "fit")]
 pub use transforms::{CameraError, Transforms, read_transforms};

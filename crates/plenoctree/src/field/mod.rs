@@ -18,4 +18,4 @@ pub(crate) use coefficients::from_rgb;
 pub(crate) use coefficients::{Coefficients, Tables};
 pub use densities::Densities;
 pub use frame::{Frame, UpAxis};
-pub use octree::{InvalidField, MAX_DEPTH, PlenOctree};
+pub use octree::{InvalidField, LABEL_OPACITY, MAX_DEPTH, PlenOctree};

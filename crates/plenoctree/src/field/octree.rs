@@ -20,6 +20,9 @@ use crate::histograms::{Histograms, Recorded, SamplingSettings};
 /// svox builds trees of at most 10 or 11 levels.
 pub const MAX_DEPTH: u32 = 20;
 
+/// The opacity from which pixels get labels, unless settings say otherwise.
+pub const LABEL_OPACITY: f64 = 80.0 / 255.0;
+
 /// An error that occurs when the parts given to [`PlenOctree::new`] do not form a valid field.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum InvalidField {
@@ -424,11 +427,9 @@ impl PlenOctree {
 
     /// Returns how much a leaf counts in [`Self::dense_bounds`].
     fn weight(&self, cell: LeafCell) -> u64 {
-        /// Where pixels get labels, by default.
-        const LABELED: f64 = 80.0 / 255.0;
         let width = f64::from(cell.size) / f64::from(self.depth).exp2() / self.frame.scale.max_element();
         let opacity = -(-f64::from(self.densities[cell.leaf as usize]) * width).exp_m1();
-        if opacity < LABELED { 1 } else { u64::from(cell.size).pow(2) }
+        if opacity < LABEL_OPACITY { 1 } else { u64::from(cell.size).pow(2) }
     }
 
     /// Returns the point on which the field stands: the middle of the lowest face of [`Self::dense_bounds`]. Returns

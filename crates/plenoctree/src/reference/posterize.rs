@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::render::Rendering;
 use crate::{
+    field::LABEL_OPACITY,
     palette::{LabelSpace, Palette},
     srgb::decode,
 };
@@ -38,7 +39,7 @@ impl Default for Posterization {
             blend_steps: 3,
             space: LabelSpace::Encoded,
             softness: 0.2,
-            min_opacity: 80.0 / 255.0,
+            min_opacity: LABEL_OPACITY,
             iterations: 4,
             radius: 2,
             taps: u32::MAX,

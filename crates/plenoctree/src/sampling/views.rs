@@ -9,7 +9,10 @@ use super::{
     directions::observers,
     progress::{Canceled, Progress},
 };
-use crate::{field::PlenOctree, histograms::SamplingSettings};
+use crate::{
+    field::{LABEL_OPACITY, PlenOctree},
+    histograms::SamplingSettings,
+};
 
 /// The most cells of directions from the horizon to the top: 256 views of a hemisphere.
 const MOST_DIRECTIONS: usize = 8;
@@ -69,7 +72,8 @@ pub(crate) struct Seen {
 impl Seen {
     /// Returns what a ray sees, given its opacity and the depth at which it becomes half opaque, unless it is too faint.
     fn new(color: [f32; 3], opacity: f32, surface: Option<f32>) -> Option<Self> {
-        (surface.is_some() || opacity >= SEEN).then_some(Self { color, depth: surface.unwrap_or(f32::INFINITY) })
+        (surface.is_some() || opacity >= LABEL_OPACITY as f32)
+            .then_some(Self { color, depth: surface.unwrap_or(f32::INFINITY) })
     }
 
     /// Returns the color in encoded sRGB.
@@ -82,8 +86,6 @@ impl Seen {
 const SHARE: f32 = 0.3;
 /// Transmittance below which a ray ends.
 const OPAQUE: f64 = 1e-2;
-/// Opacity from which the color of a ray counts: where pixels get labels, by default.
-const SEEN: f32 = 80.0 / 255.0;
 /// Opacity from which a ray sees a surface.
 const SURFACE: f64 = 0.5;
 

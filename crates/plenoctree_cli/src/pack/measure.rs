@@ -9,9 +9,10 @@ use plenoctree::{
     palette::{ExtractionSettings, LabelSpace, Palette, PaletteLabel},
     reference::{Posterization, Rendering, render},
 };
+use plenoctree_fit::decibels;
 
 use super::ViewArguments;
-use crate::{console, extraction, number::decibels, result::Result, transforms, turntable};
+use crate::{console, extraction, result::Result, transforms, turntable};
 
 /// The size of views from around the field.
 const SIZE: (u32, u32) = (200, 200);

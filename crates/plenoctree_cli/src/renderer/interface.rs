@@ -1,7 +1,7 @@
 //! The interface of renderers.
 
 use image::{RgbImage, RgbaImage};
-use plenoctree::{PlenOctree, camera::PinholeCamera, palette::Palette};
+use plenoctree::{LABEL_OPACITY, PlenOctree, camera::PinholeCamera, palette::Palette};
 
 use crate::{preset::Preset, result::Result};
 
@@ -52,7 +52,7 @@ impl Default for PosterizeSettings {
         Self {
             blend_steps: 3,
             softness: 0.2,
-            min_opacity: 80.0 / 255.0,
+            min_opacity: LABEL_OPACITY as f32,
             filter: Filter::PAPER,
             smooth_edges: false,
             ink: false,

@@ -3,7 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use plenoctree::palette::{LabelSpace, Palette};
+use plenoctree::{
+    LABEL_OPACITY,
+    palette::{LabelSpace, Palette},
+};
 
 use crate::{
     extraction::{ExtractionArguments, Sampling},
@@ -62,7 +65,7 @@ pub struct Arguments {
     #[arg(long, value_parser = |text: &str| parse_number(text, 10.0))]
     softness: Option<f32>,
     /// The opacity below which pixels are drawn as trained.
-    #[arg(long, default_value_t = 80.0 / 255.0, value_parser = |text: &str| parse_number(text, 1.0))]
+    #[arg(long, default_value_t = LABEL_OPACITY as f32, value_parser = |text: &str| parse_number(text, 1.0))]
     min_opacity: f32,
     /// Smooth the silhouettes of the prop with --look paper, too, and with --softness 0 also the borders between its
     /// labels. The other looks always do. Requires --renderer gpu.

@@ -125,7 +125,7 @@ pub fn quick_psnr(grid: &Grid, backdrop: &Backdrop, views: &[TrainView]) -> Opti
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// Converts a mean squared error.
+/// Converts a mean squared error of encoded sRGB to decibels of PSNR: 100 at most.
 pub fn decibels(mean_squared: f64) -> f64 {
     -10.0 * mean_squared.max(1e-10).log10()
 }

@@ -20,7 +20,7 @@ mod turned_box;
 
 pub use error::FitError;
 pub use input::{Distortion, FitInput, InputFolders, Lens, Picture, View, ViewCamera};
-pub use measure::{Comparison, ssim};
+pub use measure::{Comparison, decibels, ssim};
 pub use progress::{FitProgress, FitStatus};
 pub use refine::{RefineSettings, Refined, Shot, refine};
 pub use report::{FitReport, HeldOut, RoundReport, Seconds, StageReport, SuspiciousView, ViewReport};
