@@ -20,7 +20,7 @@ pub struct Arguments {
     #[arg(long, value_name = "PROP")]
     pub out: PathBuf,
     /// The number of levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default, as many as make
-    /// cells about a pixel wide at the distance from which the field looks right, at most 10.
+    /// cells about a pixel wide at the distance --near, at most 10.
     #[arg(long, value_parser = clap::value_parser!(u32).range(6..=10))]
     pub depth: Option<u32>,
     /// The most leaves, 32768 to 20000000. They are small where the capture shows detail, and there are fewer if more
@@ -33,8 +33,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DB", value_parser = parse_positive, conflicts_with = "leaves")]
     pub quality: Option<f64>,
     /// The distance from the middle of the box from which the field must look right, in the capture's units. By
-    /// default, it is a compromise between views of the whole and views from half the longest side of the box. With
-    /// --quality alone, it is the latter.
+    /// default, it is half the longest side of the box: up close.
     #[arg(long, value_name = "DISTANCE", value_parser = parse_positive)]
     pub near: Option<f64>,
     /// The box to convert, in the coordinates of the capture: x,y,z of its lowest and of its highest corner. By

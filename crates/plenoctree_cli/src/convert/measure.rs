@@ -4,10 +4,8 @@ use std::fmt;
 
 use glam::DVec3;
 use plenoctree::{PlenOctree, camera::PinholeCamera, reference::render};
-use plenoctree_fit::{Comparison, Shot, splat::SplatImage};
+use plenoctree_fit::{Comparison, Shot, decibels, splat::SplatImage};
 use serde_json::{Value, json};
-
-use crate::number::decibels;
 
 /// The backgrounds of both.
 const BACKGROUNDS: [(&str, DVec3); 2] = [("white", DVec3::ONE), ("black", DVec3::ZERO)];
@@ -62,25 +60,18 @@ pub struct Shown {
 impl Standard {
     /// Compares a field with the capture.
     pub fn measure(&self, field: &PlenOctree) -> Measured {
-        let [whole, between, near] = self.all().map(|pictures| pictures.compare(field));
+        let [whole, between, near] = [&self.whole, &self.between, &self.near].map(|pictures| pictures.compare(field));
         Measured { whole, between, near }
-    }
-
-    /// Returns the pictures from each distance, to measure rounds of refining by: all but the first groups.
-    pub fn shots(&self, first: usize) -> Vec<Vec<Shot>> {
-        let shots = |pictures: &Pictures| -> Vec<Shot> {
-            let both = pictures.cameras.iter().zip(&pictures.images);
-            both.map(|(camera, image)| Shot::new(camera, &image.pixels)).collect()
-        };
-        self.all()[first..].iter().copied().map(shots).collect()
-    }
-
-    fn all(&self) -> [&Pictures; 3] {
-        [&self.whole, &self.between, &self.near]
     }
 }
 
 impl Pictures {
+    /// Returns the pictures, to measure rounds of refining by.
+    pub fn shots(&self) -> Vec<Shot> {
+        let both = self.cameras.iter().zip(&self.images);
+        both.map(|(camera, image)| Shot::new(camera, &image.pixels)).collect()
+    }
+
     /// Renders the field in float64, with one ray through the center of each pixel, and compares.
     pub fn compare(&self, field: &PlenOctree) -> Compared {
         let (mut views, mut previews) = (Vec::new(), Vec::new());

@@ -17,10 +17,7 @@ use plenoctree_fit::{
 };
 use serde_json::json;
 
-use self::{
-    cameras::Cameras,
-    measure::{Pictures, Standard},
-};
+use self::measure::{Pictures, Standard};
 use crate::{
     capture, console,
     fit::output,
@@ -32,8 +29,13 @@ use crate::{
 
 /// The least PSNR where views of the whole show something, in decibels, that a field has without a warning.
 const LEAST_PSNR: f64 = 16.0;
-/// The blur of fields for views from nearby, in finest cells.
-const NEAR_BLUR: f64 = 0.25;
+/// The most that refining may lose in whole pictures from nearby, in decibels.
+const MOST_LOSS: f64 = 0.1;
+/// The variance by which splats are blurred, in square pixels, and that of a cell, in square cells.
+const SPLAT: f64 = 0.3;
+const CELL: f64 = 1.0 / 12.0;
+/// The least and the greatest blur of a field, in finest cells.
+const BLURS: [f64; 2] = [0.25, 0.5];
 
 /// Converts the capture, extracts the palette, and writes both with views and a report.
 pub fn run(arguments: &Arguments) -> Result {
@@ -66,28 +68,31 @@ pub fn run(arguments: &Arguments) -> Result {
     let (side, size) = ((high - low).max_element(), arguments.picture_size);
     let near = arguments.near.unwrap_or(0.5 * side);
     let between = (near * cameras::far(low, high)).sqrt();
-    let is_for_near = arguments.near.is_some() || arguments.quality.is_some();
-    let whole = cameras::around(low, high, size);
-    let between_cameras = cameras::at(low, high, between, size, false);
-    let near_cameras = cameras::at(low, high, near, size, is_for_near);
-    let pictures = |cameras: &Cameras| {
-        let images = photograph(&splats, &cameras.held_out, "measuring", None, |_, image| image);
-        Pictures { cameras: cameras.held_out.clone(), images }
+    let pictures = |cameras: Vec<PinholeCamera>| {
+        let images = photograph(&splats, &cameras, "measuring", None, |_, image| image);
+        Pictures { cameras, images }
     };
-    let standard =
-        Standard { whole: pictures(&whole), between: pictures(&between_cameras), near: pictures(&near_cameras) };
+    let standard = Standard {
+        whole: pictures(cameras::whole(low, high, size)),
+        between: pictures(cameras::measuring(low, high, between, size)),
+        near: pictures(cameras::measuring(low, high, near, size)),
+    };
     let mut measuring = start.elapsed();
 
     let start = Instant::now();
     let spinner = progress::spinner("voxelizing", false);
-    let cells = side / cameras::pixel(if is_for_near { near } else { between }, size);
+    let cells = side / cameras::pixel(near, size);
     let depth = arguments.depth.unwrap_or_else(|| cells.log2().clamp(6.0, 10.0).round() as u32);
-    let bounds = Some((low, high));
-    let mut settings = VoxelSettings { depth, leaves: arguments.leaves as usize, bounds, ..Default::default() };
-    if is_for_near {
-        settings.blur = NEAR_BLUR;
-        settings.views = cameras::looking(low, high, near, between);
-    }
+    // In all, as much as splats are.
+    let pixel = f64::from(depth).exp2() / cells;
+    let blur = (SPLAT * pixel * pixel - CELL).max(0.0).sqrt().clamp(BLURS[0], BLURS[1]);
+    let settings = VoxelSettings {
+        depth,
+        leaves: arguments.leaves as usize,
+        bounds: Some((low, high)),
+        blur,
+        views: cameras::looking(low, high, near, between),
+    };
     let field = match arguments.quality {
         Some(quality) => quality::field(&splats, settings, quality, &standard.near),
         None => voxelize(&splats, &settings),
@@ -106,19 +111,14 @@ pub fn run(arguments: &Arguments) -> Result {
     let (mut refined, mut refining) = (None, Duration::ZERO);
     if !arguments.no_refine {
         let start = Instant::now();
-        // Fields for views from nearby are only refined with these.
-        let first = if is_for_near { 2 } else { 0 };
-        let training = [whole.training, between_cameras.training, near_cameras.training];
-        let training = &training[first..];
         let shot = |camera: &PinholeCamera, image: SplatImage| Shot::new(camera, &image.pixels);
-        let mut shots = photograph(&splats, &training.concat(), "rendering", Some(&interruption), shot).into_iter();
-        let shots: Vec<Vec<Shot>> =
-            training.iter().map(|cameras| shots.by_ref().take(cameras.len()).collect()).collect();
+        let cameras = cameras::refining(low, high, near, size);
+        let shots = photograph(&splats, &cameras, "rendering", Some(&interruption), shot);
         if interruption.is_requested() {
             console::complain!("warning: stopped before refining: the field is as voxelized");
         } else {
             drop(splats);
-            let held_out = standard.shots(first);
+            let held_out = standard.near.shots();
             let settings = RefineSettings {
                 effort: arguments.effort,
                 time: arguments.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
@@ -126,7 +126,7 @@ pub fn run(arguments: &Arguments) -> Result {
             };
             let (Refined { field: better, before_psnr_db, rounds, kept }, before) = interruption
                 .watched(path, move |progress| {
-                    refine(&field, shots, &held_out, &settings, progress).map(|refined| (refined, field))
+                    refine(&field, &shots, &held_out, &settings, progress).map(|refined| (refined, field))
                 })?;
             refining = start.elapsed();
             let start = Instant::now();
@@ -135,22 +135,18 @@ pub fn run(arguments: &Arguments) -> Result {
                 rounds.iter().filter_map(|round| Some(format!("{:+.2}", round.gain_db?))).collect();
             console::say!("refined: {}, {after} in {:.0} s", leaves(&better), refining.as_secs_f64());
             let all_rounds = counted(rounds.len(), "round", "rounds");
-            console::say!("{all_rounds}: {} dB in the mean of the distances, {kept} kept", gains.join(", "));
-            let gains = after.gains(&measured);
-            let [whole, between, near] = gains;
+            console::say!("{all_rounds}: {} dB, {kept} kept", gains.join(", "));
+            let [whole, between, near] = after.gains(&measured);
             console::say!(
                 "gained over white: {whole:+.2} dB, from halfway {between:+.2} dB, from nearby {near:+.2} dB"
             );
-            let is_worse = kept == 0 || gains[first..].iter().any(|gain| *gain < -RefineSettings::MOST_LOSS);
+            let is_worse = kept == 0 || near < -MOST_LOSS;
             if is_worse {
                 field = before;
                 if kept == 0 && interruption.is_requested() {
                     console::complain!("warning: stopped before refining paid off: the field is as voxelized");
                 } else {
-                    console::complain!(
-                        "warning: refining makes the field look worse from some distance: the field is as voxelized; \
-                         --near says which distance matters"
-                    );
+                    console::complain!("warning: refining gains nothing: the field is as voxelized");
                 }
             } else {
                 (field, measured) = (better, after);

@@ -19,8 +19,6 @@ use super::{
 
 /// The least that a round must be expected to gain, in decibels.
 const LEAST_GAIN: f64 = 0.02;
-/// The most by which the mean squared errors of groups of shots count as different, in decibels.
-const MOST_APART: f64 = 20.0;
 /// The largest leaves, in finest cells a side.
 const LARGEST: u32 = 32;
 /// Levels of a grid.
@@ -49,7 +47,7 @@ impl Shot {
         let bytes = |pixel: &Vec4| (255.0 * pixel.clamp(Vec4::ZERO, Vec4::ONE)).round().to_array().map(|x| x as u8);
         let picture = Picture { width, height, pixels: pixels.iter().map(bytes).collect(), knows_opacity: true };
         let camera = ViewCamera::undistorted(width, height, lens, rotation, position);
-        Self { view: TrainView { number: 0, camera, picture: Arc::new(picture), weight: 1.0 } }
+        Self { view: TrainView { number: 0, camera, picture: Arc::new(picture) } }
     }
 }
 
@@ -65,11 +63,6 @@ pub struct RefineSettings {
     pub seed: u64,
 }
 
-impl RefineSettings {
-    /// The most that a group of measured shots may lose, compared to the field before refining, in decibels.
-    pub const MOST_LOSS: f64 = 0.1;
-}
-
 impl Default for RefineSettings {
     fn default() -> Self {
         Self { effort: 1.0, time: None, seed: 0 }
@@ -81,8 +74,8 @@ impl Default for RefineSettings {
 pub struct Refined {
     /// The field, with the frame and the up axis of the original.
     pub field: PlenOctree,
-    /// Mean PSNR of each group of shots that are measured, before refining, in decibels.
-    pub before_psnr_db: Vec<f64>,
+    /// Mean PSNR of the shots that are measured, before refining, in decibels.
+    pub before_psnr_db: Option<f64>,
     /// What was done, round by round.
     pub rounds: Vec<RoundReport>,
     /// The number of rounds that the field has gone through. Those after them are undone; if it is 0, all are.
@@ -92,25 +85,20 @@ pub struct Refined {
 /// A grid that was refined.
 pub(super) struct RefinedGrid {
     pub grid: Grid,
-    before_psnr_db: Vec<f64>,
+    before_psnr_db: Option<f64>,
     rounds: Vec<RoundReport>,
     kept: usize,
 }
 
 /// Refines `field` until it looks like the shots, on all cores of the current rayon pool.
 ///
-/// `shots` are groups, such as those from one distance. Groups count alike, however many shots they have. A squared
-/// error counts less where errors are large: it is divided by the root of their mean square in the group before
-/// refining. (A mean square below a hundredth of the largest group's counts as that hundredth.)
-///
 /// Leaves change density and color, and those that become empty are removed. Leaves of more than four finest cells a
 /// side are split, and in the end, leaves are merged where that changes the shots least, so that there are no more than
-/// before (but every cube of 32 finest cells a side keeps one). `measured` are
-/// groups of shots that the field is not refined to: up to 16 of each group tell what each of ten rounds gained in the
-/// mean of the groups. Refining ends when a round loses something, when the next one would gain less than 0.02 dB if
-/// gains keep falling as they did, or when `progress` is stopped. The result is the field after the best round. Rounds
-/// after which some group is worse than at first by more than 0.1 dB do not count; if none counts, the result is the
-/// field as it was. Without measured shots, it is the field after the last round.
+/// before (but every cube of 32 finest cells a side keeps one). The field is not refined to the `measured` shots, of
+/// which up to 16 tell what each of ten rounds gained. Refining ends when a round loses something, when the next one
+/// would gain less than 0.02 dB if gains keep falling as they did, or when `progress` is stopped. The result is the
+/// field after the best round or, if none gained anything, the field as it was. Without measured shots, it is the field
+/// after the last round.
 ///
 /// # Errors
 ///
@@ -119,18 +107,17 @@ pub(super) struct RefinedGrid {
 /// finest cells a side, and a sigmoid of harmonics up to degree 3.
 pub fn refine(
     field: &PlenOctree,
-    shots: Vec<Vec<Shot>>,
-    measured: &[Vec<Shot>],
+    shots: &[Shot],
+    measured: &[Shot],
     settings: &RefineSettings,
     progress: &FitProgress,
 ) -> Result<Refined, FitError> {
     check_effort(settings.effort)?;
-    let count: usize = shots.iter().map(Vec::len).sum();
-    if count < 2 {
-        return Err(FitError::Views { found: count.to_string(), expected: "at least two shots" });
+    if shots.len() < 2 {
+        return Err(FitError::Views { found: shots.len().to_string(), expected: "at least two shots" });
     }
     let grid = Grid::of_field_or_error(field, LARGEST)?;
-    let training = views(&balanced(&grid, shots));
+    let training = views(shots);
     let rounds = Stage::refining(grid.resolution(), settings.effort, settings.time);
     let mut gallery = Gallery::held(training.clone());
     let RefinedGrid { grid, before_psnr_db, rounds, kept } =
@@ -144,34 +131,6 @@ pub fn refine(
     Ok(Refined { field: refined, before_psnr_db, rounds, kept })
 }
 
-/// Returns the shots of all groups, with [`weights`] by the PSNR of the grid.
-fn balanced(grid: &Grid, groups: Vec<Vec<Shot>>) -> Vec<Shot> {
-    let measure = |shots: Vec<Shot>| {
-        let psnr = quick_psnr(grid, &Backdrop::Random, &views(&shots))?;
-        Some((shots, psnr))
-    };
-    // A group without shots has no PSNR.
-    let (mut groups, psnrs): (Vec<Vec<Shot>>, Vec<f64>) = groups.into_iter().filter_map(measure).unzip();
-    let pixels = |shot: &Shot| f64::from(shot.view.camera.width) * f64::from(shot.view.camera.height);
-    let pixels: Vec<f64> = groups.iter().map(|shots| shots.iter().map(pixels).sum::<f64>()).collect();
-    for (shots, weight) in groups.iter_mut().zip(weights(&psnrs, &pixels)) {
-        shots.iter_mut().for_each(|shot| shot.view.weight = weight);
-    }
-    groups.into_iter().flatten().collect()
-}
-
-/// Returns the weights of groups with these PSNRs and numbers of pixels: in inverse proportion to the number of pixels
-/// and to the root of their mean squared error. Their mean over all pixels is 1.
-///
-/// Without the root, a decibel would count alike everywhere, and groups with the largest errors would become worse.
-fn weights(psnrs: &[f64], pixels: &[f64]) -> Vec<f32> {
-    let least = psnrs.iter().copied().fold(f64::INFINITY, f64::min);
-    let inverses: Vec<f64> = psnrs.iter().map(|psnr| 10f64.powf(0.05 * (psnr - least).min(MOST_APART))).collect();
-    let (all_inverses, all_pixels): (f64, f64) = (inverses.iter().sum(), pixels.iter().sum());
-    let weight = |(inverse, pixels): (&f64, &f64)| (inverse / all_inverses / (pixels / all_pixels)) as f32;
-    inverses.iter().zip(pixels).map(weight).collect()
-}
-
 /// Returns the views of the shots, numbered in their order.
 pub(super) fn views(shots: &[Shot]) -> Vec<TrainView> {
     shots.iter().enumerate().map(|(number, shot)| TrainView { number, ..shot.view.clone() }).collect()
@@ -181,22 +140,19 @@ pub(super) fn views(shots: &[Shot]) -> Vec<TrainView> {
 pub(super) fn refine_by(
     grid: Grid,
     gallery: &mut Gallery,
-    measured: &[Vec<Shot>],
+    measured: &[Shot],
     stages: &[Stage],
     seed: u64,
     progress: &FitProgress,
 ) -> Result<RefinedGrid, FitError> {
-    let measured: Vec<Vec<TrainView>> = measured.iter().map(|shots| views(shots)).collect();
-    let measure = |model: &Model| -> Vec<f64> {
-        measured.iter().filter_map(|views| quick_psnr(&model.grid, &model.backdrop, views)).collect()
-    };
+    let measured = views(measured);
+    let measure = |model: &Model| quick_psnr(&model.grid, &model.backdrop, &measured);
     let gains = vec![Vec3::ONE; gallery.len()];
     let mut model = Model { grid, backdrop: Backdrop::Random, gains };
     let (mut random, mut tour) = (Random::new(seed), Tour::default());
     let before_psnr_db = measure(&model);
-    let mut psnr = mean(&before_psnr_db);
-    // What is kept: the number of rounds, the mean and the values.
-    let (mut kept, mut most) = (0, psnr);
+    // What is kept: the number of rounds, the PSNR and the values.
+    let (mut psnr, mut kept, mut most) = (before_psnr_db, 0, before_psnr_db);
     let mut best = if psnr.is_some() { model.grid.values.clone() } else { Vec::new() };
     let mut rounds: Vec<RoundReport> = Vec::new();
     assert!(best.is_empty() || stages.iter().all(|stage| stage.prune_at.is_empty()), "values of the same voxels");
@@ -211,16 +167,12 @@ pub(super) fn refine_by(
             });
         };
         train(&mut model, gallery, stage, &mut position, &mut tour, &mut random, progress, None, &mut watch)?;
-        let groups = measure(&model);
-        let after = mean(&groups);
+        let after = measure(&model);
         let gain_db = psnr.zip(after).map(|(before, after)| after - before);
-        let mut pairs = groups.iter().zip(&before_psnr_db);
-        let loses = pairs.any(|(after, before)| *after < before - RefineSettings::MOST_LOSS);
-        let stage = StageReport::new(&model, &position, after);
-        rounds.push(RoundReport { stage, gain_db, group_psnr_db: groups });
+        rounds.push(RoundReport { stage: StageReport::new(&model, &position, after), gain_db });
         if after.is_none() {
             kept = rounds.len();
-        } else if !loses && after >= most {
+        } else if after >= most {
             (kept, most) = (rounds.len(), after);
             best.clone_from(&model.grid.values);
         }
@@ -236,11 +188,6 @@ pub(super) fn refine_by(
         model.grid.copy_thickness();
     }
     Ok(RefinedGrid { grid: model.grid, before_psnr_db, rounds, kept })
-}
-
-/// Returns the mean, if there are values.
-fn mean(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
 /// Returns what the next round gains if gains keep falling as they did.
@@ -315,23 +262,6 @@ impl Grid {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Groups count by the root of their mean squared error, however many pixels they have, unless errors differ too much.
-    #[test]
-    fn weights_bring_groups_closer_together() {
-        assert_eq!(weights(&[31.7], &[123.0]), [1.0]);
-        let (psnrs, pixels) = ([20.0, 30.0, 100.0, 40.0], [200.0, 100.0, 100.0, 50.0]);
-        let found: Vec<f64> = weights(&psnrs, &pixels).into_iter().map(f64::from).collect();
-        let mean = found.iter().zip(pixels).map(|(weight, pixels)| weight * pixels).sum::<f64>() / 450.0;
-        assert!((mean - 1.0).abs() < 1e-6, "{found:?}");
-        let errors: Vec<f64> =
-            (0..4).map(|group| found[group] * pixels[group] * 10f64.powf(-0.05 * psnrs[group])).collect();
-        for group in [1, 3] {
-            assert!((errors[group] / errors[0] - 1.0).abs() < 1e-6, "{errors:?}");
-        }
-        // The third counts as if its PSNR was 40 dB.
-        assert!((found[2] / found[3] - 0.5).abs() < 1e-6, "{found:?}");
-    }
 
     /// Converting a field to a grid and back restores it, whatever the sizes of its leaves.
     #[test]

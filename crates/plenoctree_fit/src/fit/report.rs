@@ -94,13 +94,11 @@ pub struct StageReport {
 /// What a round of refining did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RoundReport {
-    /// The round as a stage. Its PSNR is the mean of the groups of shots that are measured.
+    /// The round as a stage. Its PSNR is that of the shots that are measured.
     #[serde(flatten)]
     pub stage: StageReport,
-    /// What the round gained in the mean of the groups, in decibels.
+    /// What the round gained, in decibels.
     pub gain_db: Option<f64>,
-    /// Mean PSNR of each group of shots that are measured, after the round, in decibels.
-    pub group_psnr_db: Vec<f64>,
 }
 
 impl StageReport {

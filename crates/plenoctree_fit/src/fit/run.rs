@@ -295,7 +295,7 @@ fn downscaled(views: &[View], downscale: u32) -> Result<Vec<ViewCamera>, FitErro
 fn load(view: &View, number: usize, settings: &FitSettings) -> Result<TrainView, FitError> {
     let picture = Picture::read(&view.picture, view.mask.as_deref(), settings.downscale)?;
     let camera = downscaled(std::slice::from_ref(view), settings.downscale)?.remove(0);
-    Ok(TrainView { number, camera, picture: Arc::new(picture), weight: 1.0 })
+    Ok(TrainView { number, camera, picture: Arc::new(picture) })
 }
 
 /// Loads some views to measure while training. Reads all, so that a damaged one is found before training.

@@ -252,7 +252,7 @@ fn look(gallery: &mut Gallery, cube: Cube, knows_opacity: bool) -> Result<Votes,
         // Only the cameras count.
         let empty = std::sync::Arc::new(Picture { width: 0, height: 0, pixels: Vec::new(), knows_opacity: false });
         for (number, camera) in gallery.cameras().into_iter().enumerate() {
-            ask(&TrainView { number, camera: camera.clone(), picture: empty.clone(), weight: 1.0 });
+            ask(&TrainView { number, camera: camera.clone(), picture: empty.clone() });
         }
     }
     Ok(Votes { cube, counts })

@@ -234,7 +234,7 @@ fn render_tile<const B: usize>(scene: &Scene, tile: Tile, mut random: Random, sc
         result.gain[0] += rendered * photographed;
         result.gain[1] += rendered * rendered;
 
-        let outer = view.weight * (2.0 * gain * error).extend(2.0 * scene.opacity * (seen.w - a));
+        let outer = (2.0 * gain * error).extend(2.0 * scene.opacity * (seen.w - a));
         behind += transmittance * outer.truncate();
         // The contribution to `outer . rendered` of the samples behind the current one and of the backdrop.
         let mut rest = outer.dot(seen) + transmittance * outer.truncate().dot(backdrop);
@@ -367,7 +367,7 @@ mod tests {
             })
             .collect();
         let picture = Arc::new(Picture { width: SIZE, height: SIZE, pixels, knows_opacity: true });
-        (grid, TrainView { number: 1, camera, picture, weight: 1.5 })
+        (grid, TrainView { number: 1, camera, picture })
     }
 
     /// All tiles of the view.
@@ -412,7 +412,7 @@ mod tests {
                 sum += opacity * (1.0 - transmittance - a).powi(2);
             }
         }
-        f64::from(view.weight) * sum
+        sum
     }
 
     /// The gradient with respect to every value of every voxel is that of finite differences of the loss in float64.

@@ -17,8 +17,6 @@ pub struct TrainView {
     pub number: usize,
     pub camera: ViewCamera,
     pub picture: Arc<Picture>,
-    /// What a squared error in this view counts. 1 for photographs.
-    pub weight: f32,
 }
 
 /// The views to fit to.
@@ -117,7 +115,7 @@ impl Gallery {
         let read = |&number: &usize| {
             let view = &self.views[number];
             let picture = Picture::read(&view.picture, view.mask.as_deref(), self.downscale)?;
-            Ok(TrainView { number, camera: self.cameras[number].clone(), picture: Arc::new(picture), weight: 1.0 })
+            Ok(TrainView { number, camera: self.cameras[number].clone(), picture: Arc::new(picture) })
         };
         self.held = numbers.par_iter().map(read).collect::<Result<_, FitError>>()?;
         Ok(())

@@ -352,7 +352,7 @@ mod tests {
         };
         let camera = ViewCamera::undistorted(size, size, lens, DMat3::IDENTITY, DVec3::new(0.0, 0.0, 1.5));
         let picture = Arc::new(Picture { width: size, height: size, pixels: Vec::new(), knows_opacity: true });
-        let views = [TrainView { number: 0, camera, picture, weight: 1.0 }];
+        let views = [TrainView { number: 0, camera, picture }];
         let all = active_tiles(&grid, &views, None);
         let some = active_tiles(&grid, &views, Some(7));
         let share = all.len() as f64 / f64::from((size / TILE).pow(2));
@@ -376,7 +376,7 @@ mod tests {
         let camera = ViewCamera::undistorted(size, size, lens, DMat3::IDENTITY, DVec3::new(0.0, 0.0, 1.5));
         let pixels = vec![[0; 4]; (size * size) as usize];
         let picture = Arc::new(Picture { width: size, height: size, pixels, knows_opacity: true });
-        let views = vec![TrainView { number: 0, camera, picture, weight: 1.0 }];
+        let views = vec![TrainView { number: 0, camera, picture }];
         let place = |tile: &Tile| (tile.x, tile.y);
         let mut left: HashSet<(u16, u16)> = active_tiles(&grid, &views, None).iter().map(place).collect();
         let mut gallery = Gallery::held(views);

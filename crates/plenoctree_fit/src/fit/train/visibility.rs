@@ -92,8 +92,7 @@ pub fn largest_weights(grid: &Grid, cameras: &[&ViewCamera], spacing: f64) -> Ve
 }
 
 /// Returns how visible each voxel is in the views: the sum, over rays that cross it, of the squared transmittance of
-/// what is in front of it, per area of its face in cells, relative to the number of all rays. Rays count as their views
-/// do.
+/// what is in front of it, per area of its face in cells, relative to the number of all rays.
 pub fn seen(grid: &Grid, views: &[TrainView]) -> Vec<f32> {
     let every = |size: u32, first: u32| (first % SEEN_EVERY..size).step_by(SEEN_EVERY as usize);
     // Views do not all look through the same pixels.
@@ -105,7 +104,7 @@ pub fn seen(grid: &Grid, views: &[TrainView]) -> Vec<f32> {
             for x in columns(camera, view.number) {
                 march(grid, camera, DVec2::new(x.into(), y.into()) + 0.5, |voxel, transmittance, _| {
                     let sum = &mut sums[voxel as usize];
-                    let square = view.weight * transmittance * transmittance;
+                    let square = transmittance * transmittance;
                     *sum = sum.saturating_add((square / SEEN_UNIT).round() as u32);
                 });
             }
