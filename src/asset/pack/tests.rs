@@ -2,7 +2,6 @@
 
 use std::{
     fs,
-    io::{Cursor, Write},
     path::{Path, PathBuf},
     time::Instant,
 };
@@ -151,56 +150,13 @@ fn ply() -> String {
     format!("ply\nformat ascii 1.0\nelement vertex {}\n{properties}end_header\n{rows}", all.len())
 }
 
-/// The same as an SPZ file of version 3. x is to the right, y is up and z to the back.
-fn spz() -> Vec<u8> {
-    let all = gaussians();
-    let mut bytes = [&b"NGSP"[..], &3u32.to_le_bytes(), &(all.len() as u32).to_le_bytes(), &[0, 12, 0, 0]].concat();
-    let positions = all.iter().flat_map(|at| [at.x, -at.y, -at.z]);
-    positions.for_each(|number| bytes.extend(&((number * 4096.0).round() as i32).to_le_bytes()[..3]));
-    // Opacities, colors, logarithms of scales, and rotations.
-    for plane in [&[243][..], &[181, 74, 74], &[112; 3], &[0, 0, 0, 0xc0]] {
-        bytes.extend(plane.repeat(all.len()));
-    }
-    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-    encoder.write_all(&bytes).unwrap();
-    encoder.finish().unwrap()
-}
-
-/// The same as a SOG file. x is to the right and -y is up.
-fn sog() -> Vec<u8> {
-    let all = gaussians();
-    let image = |pixels: Vec<[u8; 4]>| {
-        let mut bytes = Vec::new();
-        let encoder = image_webp::WebPEncoder::new(&mut bytes);
-        encoder.encode(pixels.as_flattened(), all.len() as u32, 1, image_webp::ColorType::Rgba8).unwrap();
-        bytes
-    };
-    // Logarithms of positions, from -1 to 1 in 16 bits.
-    let bits = |number: f32| ((number.abs().ln_1p().copysign(number) + 1.0) / 2.0 * 65535.0).round() as u16;
-    let means = |byte: usize| {
-        image(all.iter().map(|at| [at.x, at.y, at.z, 0.0].map(|number| bits(number).to_le_bytes()[byte])).collect())
-    };
-    let color: Vec<f32> = (0..256).map(|byte| if byte < 128 { -1.4 } else { 1.4 }).collect();
-    let meta = serde_json::json!({
-        "version": 2, "count": all.len(),
-        "means": {"mins": [-1, -1, -1], "maxs": [1, 1, 1], "files": ["low.webp", "high.webp"]},
-        "scales": {"codebook": vec![-3.0; 256], "files": ["scales.webp"]},
-        "quats": {"files": ["quats.webp"]},
-        "sh0": {"codebook": color, "files": ["colors.webp"]},
-    });
-    let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
-    for (name, content) in [
-        ("meta.json", meta.to_string().into_bytes()),
-        ("low.webp", means(0)),
-        ("high.webp", means(1)),
-        ("scales.webp", image(vec![[0; 4]; all.len()])),
-        ("quats.webp", image(vec![[128, 128, 128, 252]; all.len()])),
-        ("colors.webp", image(vec![[255, 0, 0, 243]; all.len()])),
-    ] {
-        archive.start_file(name, zip::write::FileOptions::default()).unwrap();
-        archive.write_all(&content).unwrap();
-    }
-    archive.finish().unwrap().into_inner()
+/// The same as a `.splat` file. x is to the right and -y is up.
+fn splat() -> Vec<u8> {
+    let scale = [(-3.0f32).exp(); 3];
+    // A color, an opacity, and a rotation.
+    let rest = [230, 26, 26, 243, 255, 128, 128, 128];
+    let row = |at: &Vec3| at.to_array().into_iter().chain(scale).flat_map(f32::to_le_bytes).chain(rest);
+    gaussians().iter().flat_map(row).collect()
 }
 
 /// The same as a glTF document whose numbers are in a file next to it, and that file. x is to the left and y is up.
@@ -238,9 +194,9 @@ fn gltf() -> (String, Vec<u8>) {
     (document.to_string(), buffer)
 }
 
-/// A capture in any format becomes a packed field that stands on the origin, cropped and without floaters if its
-/// `.meta` file says so. So does a glTF file whose `.meta` file says that it is a capture, with another file next to
-/// it, which the processor ignores. Damaged captures fail. A shipped game needs only what was processed.
+/// A capture becomes a packed field that stands on the origin, cropped and without floaters if its `.meta` file says
+/// so. So does a glTF file whose `.meta` file says that it is a capture, with another file next to it, which the
+/// processor ignores. Damaged captures fail. A shipped game needs only what was processed.
 #[test]
 fn processed_apps_load_packed_captures() {
     let folder = Folder::new("captures");
@@ -248,45 +204,36 @@ fn processed_apps_load_packed_captures() {
     for (name, content) in [
         ("cross.ply", ply().into_bytes()),
         ("cropped.ply", ply().into_bytes()),
-        ("plain.spz", spz()),
-        ("cross.spz", spz()),
-        ("cross.sog", sog()),
+        ("plain.splat", splat()),
         ("cross.gltf", document.clone().into_bytes()),
         ("alone.gltf", document.replace("numbers.bin", "missing.bin").into_bytes()),
         ("damaged.ply", ply().into_bytes()[..900].to_vec()),
-        ("damaged.spz", spz()[..90].to_vec()),
-        ("damaged.sog", sog()[..900].to_vec()),
+        ("damaged.splat", splat()[..90].to_vec()),
         ("numbers.bin", numbers),
     ] {
         folder.write(name, content);
     }
     let capture = |settings: &str| meta("CaptureLoader", settings, "rows: 32");
-    for name in ["cross.ply.meta", "cross.spz.meta", "cross.sog.meta"] {
-        folder.write(name, capture("depth: 6, keep_largest: true"));
-    }
+    folder.write("cross.ply.meta", capture("depth: 6, keep_largest: true"));
     folder.write("cross.gltf.meta", capture("depth: 6"));
     folder.write("alone.gltf.meta", capture("depth: 6"));
     // The example in the guide.
     let documented =
         include_str!("../../../docs/guide/load.md").split("```").find_map(|block| block.strip_prefix("ron\n"));
     folder.write("cropped.ply.meta", documented.unwrap().replace("depth: 8", "depth: 6"));
-    let names = ["cross.ply", "cross.spz", "cross.sog", "cross.gltf", "cropped.ply", "plain.spz"];
-    let damaged = ["alone.gltf", "damaged.ply", "damaged.spz", "damaged.sog"];
+    let names = ["cross.ply", "cross.gltf", "cropped.ply", "plain.splat"];
+    let damaged = ["alone.gltf", "damaged.ply", "damaged.splat"];
     let mut processor = app(&folder.0, Files::Processor);
     let fields = load(&mut processor, names).map(Result::unwrap);
     // The processor logs what is wrong. The app finds nothing processed.
     assert!(load(&mut processor, damaged).iter().all(Result::is_err));
-    let [cross, spz, sog, gltf, cropped, plain] = fields.each_ref().map(|field| field.bounds().unwrap());
+    let [cross, gltf, cropped, plain] = fields.each_ref().map(|field| field.bounds().unwrap());
     let size = |(low, high): (DVec3, DVec3)| high - low;
     assert!(cross.0.z.abs() < 0.1 && size(cross).cmpgt(DVec3::splat(2.0)).all(), "{cross:?}");
     assert!(size(cross).cmplt(DVec3::splat(2.35)).all() && size(gltf).x > 2.4, "{cross:?} {gltf:?}");
     assert!(gltf.0.z.abs() < 0.1 && (1.4..1.8).contains(&size(cropped).z), "{gltf:?} {cropped:?}");
-    for (low, high) in [spz, sog] {
-        let difference = (low - cross.0).abs().max((high - cross.1).abs());
-        assert!(difference.max_element() < 0.05, "{cross:?} {low} {high}");
-    }
     // Without a `.meta` file, there are the default settings.
-    assert!(fields[5].depth() == 8 && plain.0.z.abs() < 0.1 && size(plain).x > 2.4, "{plain:?}");
+    assert!(fields[3].depth() == 8 && plain.0.z.abs() < 0.1 && size(plain).x > 2.4, "{plain:?}");
 
     fs::remove_dir_all(folder.0.join("source")).unwrap();
     let all =
