@@ -3,6 +3,7 @@
 use image::{DynamicImage, RgbImage, RgbaImage};
 use indicatif::ProgressBar;
 use plenoctree::{
+    LABEL_OPACITY,
     camera::PinholeCamera,
     palette::{Palette, simplify_hull},
 };
@@ -94,7 +95,6 @@ pub fn palette_of_frame(original: &RgbaImage, colors: usize) -> Result<Palette> 
 
 /// Returns the colors of the pixels that are posterized, in encoded sRGB from 0 to 1.
 pub fn object_pixels(original: &RgbaImage) -> Vec<[f64; 3]> {
-    let least = f64::from(PosterizeSettings::default().min_opacity);
-    let pixels = original.pixels().map(|pixel| hex::unit(pixel.0)).filter(|[.., opacity]| *opacity >= least);
+    let pixels = original.pixels().map(|pixel| hex::unit(pixel.0)).filter(|[.., opacity]| *opacity >= LABEL_OPACITY);
     pixels.map(|[r, g, b, _]| [r, g, b]).collect()
 }

@@ -2,17 +2,15 @@
 
 use glam::DVec3;
 use image::{RgbImage, RgbaImage};
-use plenoctree::palette::ColorErrors;
-use plenoctree_cli::{hex, renderer::PosterizeSettings};
+use plenoctree::{LABEL_OPACITY, palette::ColorErrors};
+use plenoctree_cli::hex;
 
 /// Compares a posterized picture with its original, weighted by opacity, where it is posterized. Returns `None` if it
 /// is posterized nowhere.
 pub fn of_picture(original: &RgbaImage, shown: &RgbImage) -> Option<ColorErrors> {
-    let least = PosterizeSettings::default().min_opacity;
     let pixels = original.pixels().zip(shown.pixels()).filter_map(|(original, shown)| {
-        let opaque = f32::from(original[3]) / 255.0 >= least;
         let [r, g, b, opacity] = hex::unit(original.0);
-        opaque.then(|| (opacity, DVec3::new(r, g, b), DVec3::from_array(hex::unit(shown.0))))
+        (opacity >= LABEL_OPACITY).then(|| (opacity, DVec3::new(r, g, b), DVec3::from_array(hex::unit(shown.0))))
     });
     let mut pixels = pixels.peekable();
     pixels.peek()?;

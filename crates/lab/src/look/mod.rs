@@ -13,12 +13,13 @@ use plenoctree::{
     PlenOctree,
     camera::PinholeCamera,
     palette::{ColorCount, ExtractionSettings, LabelSpace, Palette, RampAdjustment},
+    reference::Posterization,
 };
 use plenoctree_cli::{
     console, extraction, field, files, hex,
     preset::Preset,
     progress,
-    renderer::{Filter, Look, PosterizeSettings, Render, Renderer, Scene},
+    renderer::{Look, PosterizeSettings, Render, Renderer, Scene, toon},
     result::Result,
     turntable,
 };
@@ -136,15 +137,10 @@ impl Pictures<'_> {
     fn posterized(&mut self, camera: &PinholeCamera, shown: &[[f64; 3]]) -> Result<RgbImage> {
         let steps = match self.palette.label_space() {
             LabelSpace::Tones => 1,
-            LabelSpace::Encoded => PosterizeSettings::default().blend_steps,
+            LabelSpace::Encoded => toon().blend_steps,
         };
-        let settings = PosterizeSettings {
-            blend_steps: steps,
-            softness: 0.0,
-            filter: Filter::TONES,
-            smooth_edges: self.smooth,
-            ..PosterizeSettings::default()
-        };
+        let posterization = Posterization { blend_steps: steps, ..toon() };
+        let settings = PosterizeSettings { posterization, smooth_edges: self.smooth, ink: false };
         Ok(self.renderer.posterized(camera, &Look { palette: self.palette, shown, settings })?.0)
     }
 

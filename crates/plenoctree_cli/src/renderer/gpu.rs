@@ -12,14 +12,14 @@ use bevy::{
     },
 };
 use bevy_plenoctree::{
-    BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, GpuField, Ink, POSTERIZE_SPANS, Palettes,
-    PlenOctreePlugin, Posterize, Prop, PropQuality, QualityPreset, VOLUME_SPANS,
+    BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, GpuField, Ink, MAX_FILTER_RADIUS, POSTERIZE_SPANS,
+    Palettes, PlenOctreePlugin, Posterize, Prop, PropQuality, QualityPreset, VOLUME_SPANS,
     headless::{Headless, exact_camera, pinhole_view},
 };
 use image::{DynamicImage, RgbImage, RgbaImage};
-use plenoctree::{PlenOctree, UpAxis, camera::PinholeCamera};
+use plenoctree::{PlenOctree, UpAxis, camera::PinholeCamera, reference::Posterization};
 
-use super::interface::{Adapter, Filter, FrameTimes, Look, PosterizeSettings, Render, Scene};
+use super::interface::{Adapter, FrameTimes, Look, PosterizeSettings, Render, Scene};
 use crate::{preset::Preset, result::Result};
 
 /// How long to wait until the field is on the GPU.
@@ -143,12 +143,19 @@ fn elapsed(diagnostics: &DiagnosticsStore, spans: &[&str], start: Instant) -> Op
 }
 
 fn posterize(settings: PosterizeSettings) -> Posterize {
-    let Filter { iterations, radius, taps, spatial_sigma, range_sigma } = settings.filter;
+    let Posterization { blend_steps, softness, min_opacity, .. } = settings.posterization;
+    let Posterization { iterations, radius, taps, spatial_sigma, range_sigma, .. } = settings.posterization;
     Posterize {
-        blend_steps: settings.blend_steps,
-        softness: settings.softness,
-        min_opacity: settings.min_opacity,
-        filter: BilateralFilter { iterations, radius, taps, spatial_sigma, range_sigma },
+        blend_steps,
+        softness: softness as f32,
+        min_opacity: min_opacity as f32,
+        filter: BilateralFilter {
+            iterations,
+            radius,
+            taps: taps.min(MAX_FILTER_RADIUS),
+            spatial_sigma: spatial_sigma as f32,
+            range_sigma: range_sigma as f32,
+        },
         edges: if settings.smooth_edges { EdgeSmoothing::Coverage } else { EdgeSmoothing::Off },
         borders: if settings.smooth_edges { BorderSmoothing::Interpolated } else { BorderSmoothing::Off },
         ..Posterize::default()
@@ -168,11 +175,12 @@ fn quality(preset: Preset) -> PropQuality {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::renderer::toon;
 
     #[test]
     fn filters_are_those_of_the_plugin() {
-        let of = |filter| posterize(PosterizeSettings { filter, ..default() }).filter;
-        assert_eq!(of(Filter::TONES), Posterize::toon().filter);
-        assert_eq!(of(Filter::PAPER), Posterize::paper().filter);
+        let of = |posterization| posterize(PosterizeSettings { posterization, ..default() }).filter;
+        assert_eq!(of(toon()), Posterize::toon().filter);
+        assert_eq!(of(Posterization::default()), Posterize::paper().filter);
     }
 }

@@ -1,7 +1,7 @@
 //! The interface of renderers.
 
 use image::{RgbImage, RgbaImage};
-use plenoctree::{LABEL_OPACITY, PlenOctree, camera::PinholeCamera, palette::Palette};
+use plenoctree::{PlenOctree, camera::PinholeCamera, palette::Palette, reference::Posterization};
 
 use crate::{preset::Preset, result::Result};
 
@@ -27,17 +27,11 @@ pub struct Look<'a> {
     pub settings: PosterizeSettings,
 }
 
-/// Settings of posterization, for every renderer.
-#[derive(Clone, Copy)]
+/// Settings of posterization, for every renderer. By default, those of the paper.
+#[derive(Clone, Copy, Default)]
 pub struct PosterizeSettings {
-    /// The number of steps from one palette color to another.
-    pub blend_steps: u32,
-    /// The distance over which labels blend, in the space of the palette's labels.
-    pub softness: f32,
-    /// The opacity below which pixels are drawn as trained.
-    pub min_opacity: f32,
-    /// The filter that flattens colors.
-    pub filter: Filter,
+    /// Those of the reference. Whatever they say, the space is that of the palette's labels.
+    pub posterization: Posterization,
     /// Whether the edges of the prop and the borders between hard labels are smooth. GPU only.
     #[cfg_attr(not(feature = "bevy"), allow(dead_code))]
     pub smooth_edges: bool,
@@ -46,36 +40,10 @@ pub struct PosterizeSettings {
     pub ink: bool,
 }
 
-impl Default for PosterizeSettings {
-    /// Returns the settings of the paper.
-    fn default() -> Self {
-        Self {
-            blend_steps: 3,
-            softness: 0.2,
-            min_opacity: LABEL_OPACITY as f32,
-            filter: Filter::PAPER,
-            smooth_edges: false,
-            ink: false,
-        }
-    }
-}
-
-/// The settings of the bilateral filter, for every renderer: the iterations, the radius in pixels, how many pixels it
-/// reads on each side, and the sigmas in pixels and in CIELAB.
-#[derive(Clone, Copy)]
-pub struct Filter {
-    pub iterations: u32,
-    pub radius: u32,
-    pub taps: u32,
-    pub spatial_sigma: f32,
-    pub range_sigma: f32,
-}
-
-impl Filter {
-    /// That of the paper.
-    pub const PAPER: Self = Self { iterations: 4, radius: 2, taps: 6, spatial_sigma: 3.0, range_sigma: 4.25 };
-    /// That of the plugin's default, for tones.
-    pub const TONES: Self = Self { iterations: 1, radius: 6, taps: 4, spatial_sigma: 5.0, range_sigma: 5.0 };
+/// Returns the settings of the plugin's default, for tones: hard labels, and a filter of its own.
+pub fn toon() -> Posterization {
+    let (spatial_sigma, range_sigma) = (5.0, 5.0);
+    Posterization { softness: 0.0, iterations: 1, radius: 6, taps: 4, spatial_sigma, range_sigma, ..Default::default() }
 }
 
 /// The times of a posterized view in milliseconds. `None` if they could not be measured.

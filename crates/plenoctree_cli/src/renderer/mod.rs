@@ -5,7 +5,7 @@ mod gpu;
 mod interface;
 mod reference;
 
-pub use interface::{Adapter, Filter, FrameTimes, Look, PosterizeSettings, Render, Scene};
+pub use interface::{Adapter, FrameTimes, Look, PosterizeSettings, Render, Scene, toon};
 
 use clap::ValueEnum;
 use plenoctree::camera::PinholeCamera;

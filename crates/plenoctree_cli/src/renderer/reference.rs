@@ -61,8 +61,9 @@ impl Render for ReferenceRenderer {
         let background = self.background();
         let View { rendering, milliseconds: volume, .. } = self.view(camera);
         let shown: Vec<DVec3> = look.shown.iter().map(|&color| color.into()).collect();
+        let settings = Posterization { space: look.palette.label_space(), ..look.settings.posterization };
         let start = Instant::now();
-        let colors = posterize(rendering, background, look.palette, &shown, &posterization(look));
+        let colors = posterize(rendering, background, look.palette, &shown, &settings);
         let posterize = start.elapsed().as_secs_f64() * 1e3;
         let image = RgbImage::from_fn(camera.width, camera.height, |x, y| {
             Rgb(hex::quantize(colors[y as usize * rendering.width + x as usize].to_array()))
@@ -73,20 +74,5 @@ impl Render for ReferenceRenderer {
 
     fn adapter(&self) -> Adapter {
         Adapter { name: "float64 reference".into(), backend: "cpu".into(), driver: env!("CARGO_PKG_VERSION").into() }
-    }
-}
-
-fn posterization(look: &Look) -> Posterization {
-    let settings = look.settings;
-    Posterization {
-        space: look.palette.label_space(),
-        blend_steps: settings.blend_steps,
-        softness: settings.softness.into(),
-        min_opacity: settings.min_opacity.into(),
-        iterations: settings.filter.iterations,
-        radius: settings.filter.radius,
-        taps: settings.filter.taps,
-        spatial_sigma: settings.filter.spatial_sigma.into(),
-        range_sigma: settings.filter.range_sigma.into(),
     }
 }

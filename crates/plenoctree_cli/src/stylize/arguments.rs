@@ -6,6 +6,7 @@ use clap::Args;
 use plenoctree::{
     LABEL_OPACITY,
     palette::{LabelSpace, Palette},
+    reference::Posterization,
 };
 
 use crate::{
@@ -101,17 +102,17 @@ impl Arguments {
 
     /// Returns the settings of posterization with a palette.
     pub fn posterize(&self, palette: &Palette) -> PosterizeSettings {
+        let look = self.look.posterization();
         let blend_steps = match palette.label_space() {
-            LabelSpace::Encoded => self.blend_steps.unwrap_or(PosterizeSettings::default().blend_steps),
+            LabelSpace::Encoded => self.blend_steps.unwrap_or(look.blend_steps),
             // Tones do not blend, whatever the argument says.
             LabelSpace::Tones => 1,
         };
         let is_smooth = self.renderer != Renderer::Reference && self.look != NamedLook::Paper;
+        let softness = self.softness.map_or(look.softness, f64::from);
+        let posterization = Posterization { blend_steps, softness, min_opacity: self.min_opacity.into(), ..look };
         PosterizeSettings {
-            blend_steps,
-            softness: self.softness.unwrap_or(self.look.softness()),
-            min_opacity: self.min_opacity,
-            filter: self.look.filter(),
+            posterization,
             smooth_edges: self.smooth_edges || is_smooth,
             ink: self.look == NamedLook::Comic,
         }

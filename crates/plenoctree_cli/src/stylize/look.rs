@@ -1,9 +1,9 @@
 //! Looks by name.
 
 use clap::ValueEnum;
-use plenoctree::palette::PaletteMethod;
+use plenoctree::{palette::PaletteMethod, reference::Posterization};
 
-use crate::renderer::Filter;
+use crate::renderer::toon;
 
 /// A look, named as in the plugin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -28,20 +28,12 @@ impl NamedLook {
         }
     }
 
-    /// Returns the filter that flattens colors.
-    pub fn filter(self) -> Filter {
+    /// Returns its settings of posterization.
+    pub fn posterization(self) -> Posterization {
         match self {
-            Self::Paper => Filter::PAPER,
-            Self::Toon | Self::Comic | Self::Soft => Filter::TONES,
-        }
-    }
-
-    /// Returns the distance over which its labels blend, in the space of the palette's labels.
-    pub fn softness(self) -> f32 {
-        match self {
-            Self::Paper => 0.2,
-            Self::Toon | Self::Comic => 0.0,
-            Self::Soft => 0.12,
+            Self::Paper => Posterization::default(),
+            Self::Toon | Self::Comic => toon(),
+            Self::Soft => Posterization { softness: 0.12, ..toon() },
         }
     }
 }

@@ -15,7 +15,7 @@ use plenoctree::{
     PlenOctree,
     camera::PinholeCamera,
     palette::{Palette, PaletteLabel},
-    reference::shown_opacity,
+    reference::{Posterization, shown_opacity},
 };
 
 use crate::{
@@ -56,7 +56,8 @@ pub fn run(arguments: &Arguments) -> Result {
         }
     };
     let settings = arguments.posterize(&palette);
-    check_labels(&palette, settings.blend_steps).map_err(|error| match &arguments.palette {
+    let Posterization { blend_steps, min_opacity, .. } = settings.posterization;
+    check_labels(&palette, blend_steps).map_err(|error| match &arguments.palette {
         Some(file) => format!("palette {}: {error}", file.display()),
         None => error,
     })?;
@@ -68,7 +69,8 @@ pub fn run(arguments: &Arguments) -> Result {
     let look = |shown| Look { palette: &palette, shown, settings };
 
     if let (Some(shown), Some(camera), false) = (&mut recolored, cameras.first(), arguments.pixel.is_empty()) {
-        let hard = PosterizeSettings { softness: 0.0, smooth_edges: false, ink: false, ..settings };
+        let posterization = Posterization { softness: 0.0, ..settings.posterization };
+        let hard = PosterizeSettings { posterization, smooth_edges: false, ink: false };
         let look = Look { palette: &palette, shown: &palette.colors, settings: hard };
         let opacity = renderer.original(camera)?;
         let (labeled, _) = renderer.posterized(camera, &look)?;
@@ -78,9 +80,9 @@ pub fn run(arguments: &Arguments) -> Result {
             let shown = shown_opacity(palette.label_space(), opacity);
             // Without the background, which shows through glass and haze.
             let own = (unit(labeled.get_pixel(x, y).0) - (1.0 - shown) * unit(arguments.background)) / shown;
-            (opacity >= f64::from(settings.min_opacity) && shown > 0.0).then_some(own)
+            (opacity >= min_opacity && shown > 0.0).then_some(own)
         };
-        pixel::apply(&arguments.pixel, &palette, settings.blend_steps, labeled.dimensions(), label_at, shown)?;
+        pixel::apply(&arguments.pixel, &palette, blend_steps, labeled.dimensions(), label_at, shown)?;
     }
 
     output::write_palette(&palette, arguments.palette.as_deref(), &arguments.out)?;

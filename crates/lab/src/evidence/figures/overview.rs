@@ -1,7 +1,7 @@
 //! All palettes at a glance.
 
-use plenoctree::palette::ColorErrors;
-use plenoctree_cli::{hex, renderer::PosterizeSettings, result::Result};
+use plenoctree::{palette::ColorErrors, reference::Posterization};
+use plenoctree_cli::{hex, result::Result};
 
 use super::{
     super::{data::Evidence, methods::Method},
@@ -23,7 +23,7 @@ pub fn section(evidence: &Evidence) -> Result<Section> {
         "Below each color of a palette stands the share of what the palette was made from that is nearest to it: of \
          the visible weight, of the pixels, or of the raw samples.",
     );
-    let steps = PosterizeSettings::default().blend_steps;
+    let steps = Posterization::default().blend_steps;
     let mut head = vec![
         ("palette", "palette"),
         ("colors", "colors"),

@@ -1,6 +1,7 @@
 //! Figure 6: the step width D.
 
 use image::RgbImage;
+use plenoctree::reference::Posterization;
 use plenoctree_cli::{renderer::PosterizeSettings, result::Result, turntable::turned};
 
 use super::{
@@ -12,7 +13,7 @@ use crate::plot::{self, COLORS, Line};
 use crate::report::{Cell, Picture, Section, Table};
 
 /// The step widths to compare, in encoded sRGB. 0 is a hard edge.
-const WIDTHS: [f32; 6] = [0.0, 0.05, 0.1, 0.2, 0.3, 0.4];
+const WIDTHS: [f64; 6] = [0.0, 0.05, 0.1, 0.2, 0.3, 0.4];
 /// The index of the default width.
 const DEFAULT: usize = 3;
 /// Half a degree, in radians: the turn between neighboring frames.
@@ -36,18 +37,17 @@ pub fn section(evidence: &mut Evidence) -> Result<Section> {
     let mut images: Vec<RgbImage> = Vec::new();
     let (mut rows, mut notes, mut flickers) = (Vec::new(), Vec::new(), Vec::new());
     for softness in WIDTHS {
-        let settings = PosterizeSettings { softness, ..Default::default() };
+        let posterization = Posterization { softness, ..Default::default() };
+        let settings = PosterizeSettings { posterization, ..Default::default() };
         let mut find = |camera, original| posterize(&mut *evidence.renderer, camera, original, &palette, settings);
         let (here, there) = (find(&camera, &original)?, find(&next, &after)?);
         let flicker = mean_difference(&here.image, &there.image);
-        // The shortest decimal fraction: 0.1 rather than its float32 rounding.
-        let width: f64 = softness.to_string().parse().unwrap_or(f64::from(softness));
-        let mut row = vec![Cell::Number(width, 2)];
+        let mut row = vec![Cell::Number(softness, 2)];
         row.extend(cells(here.errors));
         row.extend([Cell::Number(flicker, 5), Cell::Number(trained, 5)]);
         rows.push(row);
         notes.push(note(here.errors));
-        flickers.push((width, flicker));
+        flickers.push((softness, flicker));
         images.push(here.image);
     }
     let (hard, soft) = (flickers[0].1, flickers[DEFAULT].1);
@@ -76,7 +76,7 @@ pub fn section(evidence: &mut Evidence) -> Result<Section> {
     head.extend(PART_COLUMNS);
     section.table(&evidence.folder, "figure_06", Table { head, rows })?;
 
-    let ends = [WIDTHS[0], WIDTHS[WIDTHS.len() - 1]].map(f64::from);
+    let ends = [WIDTHS[0], WIDTHS[WIDTHS.len() - 1]];
     let lines = [
         Line { label: "posterized".into(), color: COLORS[1], dashed: false, points: flickers },
         Line {
