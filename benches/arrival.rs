@@ -1,7 +1,7 @@
 //! Prints the times of frames while fields arrive, are shown, swapped and dropped: `cargo bench --bench arrival --
 //! [FIELD]`. Without an argument, the field is a generated shell of 0.9 million leaves.
 //!
-//! The scene is a posterized toadstool, seen with the preset `Fast` by a camera that sways. Each step is compared with
+//! The scene is a posterized toadstool, seen with the preset `FAST` by a camera that sways. Each step is compared with
 //! the median frame of the second before it, and with that of the second after it, because fields differ in what they
 //! cost. A frame ends when the GPU has drawn it. Pipelines are compiled in the background, as in a game.
 
@@ -22,8 +22,8 @@ use bevy::{
     },
 };
 use bevy_plenoctree::{
-    Activation, PaletteExtraction, PaletteSampler, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropState,
-    QualityPreset, UpAxis,
+    Activation, PaletteExtraction, PaletteSampler, PlenOctree, PlenOctreePlugin, Posterize, Prop, PropQuality,
+    PropState, UpAxis,
     headless::{HeadlessPlugins, exact_camera},
 };
 use cpu_time::ProcessTime;
@@ -171,7 +171,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let view = Transform::from_xyz(1.5, 1.3, 3.2).looking_at(Vec3::ZERO, Vec3::Y);
     let toadstool = app.world().resource::<AssetServer>().load::<PlenOctree>("toadstool.plenoctree");
     let world = app.world_mut();
-    world.spawn((exact_camera(Color::WHITE), target, view, QualityPreset::Fast.quality()));
+    world.spawn((exact_camera(Color::WHITE), target, view, PropQuality::FAST));
     let prop = world.spawn((Prop(toadstool.clone()), Posterize::default())).id();
     let mut scene = Scene { app, prop, frames: Vec::new() };
 
@@ -205,7 +205,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     });
     scene.step("all of them exact", |world, _| {
         let camera = world.query_filtered::<Entity, With<Camera3d>>().single(world).unwrap();
-        world.entity_mut(camera).insert(QualityPreset::Exact.quality());
+        world.entity_mut(camera).insert(PropQuality::EXACT);
     });
     scene.step("toadstool again", |world, prop| world.get_mut::<Prop>(prop).unwrap().0 = toadstool);
     scene.step("no prop", |world, prop| _ = world.despawn(prop));

@@ -11,7 +11,8 @@ use std::{path::PathBuf, time::Duration};
 
 use bevy::prelude::*;
 use bevy_plenoctree::{
-    EdgeSmoothing, FieldPalette, LoadSettings, Palettes, PlenOctree, PlenOctreePlugin, Posterize, Prop, QualityPreset,
+    EdgeSmoothing, ExtractionSettings, FieldPalette, LoadSettings, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
+    Prop, PropQuality, SamplingSettings,
     headless::{Headless, exact_camera, pinhole_view},
 };
 use cpu_time::ProcessTime;
@@ -53,7 +54,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         None => PinholeCamera::around(&field, size, size, 0.5, 0.4),
     };
     let camera = camera.ok_or("the field is empty, or the file has no cameras")?;
-    let palette = palette::extract(&field, &QualityPreset::Fast.extraction(), &default())?.palette;
+    let sampling = SamplingSettings { sample_fraction: 0.25, ..default() };
+    let palette = palette::extract(&field, &ExtractionSettings { sampling, ..default() }, &default())?.palette;
 
     let mut headless = Headless::new(UVec2::splat(size), |app| {
         app.add_plugins(PlenOctreePlugin).insert_resource(Changes::Camera).add_systems(
@@ -69,12 +71,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let camera = world.spawn((exact_camera(Color::WHITE), target, pinhole_view(&camera, up))).id();
     headless.wait_until_ready(PATIENCE)?;
 
-    let mut least = [[f64::INFINITY; 2]; QualityPreset::ALL.len()];
+    let mut least = [[f64::INFINITY; 2]; PropQuality::PRESETS.len()];
     for _ in 0..ROUNDS {
-        for (preset, least) in QualityPreset::ALL.into_iter().zip(&mut least) {
+        for ((_, quality), least) in PropQuality::PRESETS.into_iter().zip(&mut least) {
             for (look, least) in [None, Some(Posterize::default())].into_iter().zip(least) {
                 let world = headless.app.world_mut();
-                world.entity_mut(camera).insert(preset.quality());
+                world.entity_mut(camera).insert(quality);
                 match look {
                     Some(look) => world.entity_mut(prop).insert(look),
                     None => world.entity_mut(prop).remove::<Posterize>(),
@@ -85,13 +87,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
     println!("| preset | as trained, ms | of exact | posterized, ms | of exact |\n|---|---|---|---|---|");
-    for (preset, [trained, posterized]) in QualityPreset::ALL.into_iter().zip(least) {
+    for ((preset, _), [trained, posterized]) in PropQuality::PRESETS.into_iter().zip(least) {
         let ratios = [trained / least[0][0], posterized / least[0][1]];
-        println!("| {preset:?} | {trained:.0} | {:.2} | {posterized:.0} | {:.2} |", ratios[0], ratios[1]);
+        println!("| {preset} | {trained:.0} | {:.2} | {posterized:.0} | {:.2} |", ratios[0], ratios[1]);
     }
 
     let world = headless.app.world_mut();
-    world.entity_mut(camera).insert(QualityPreset::Exact.quality());
+    world.entity_mut(camera).insert(PropQuality::EXACT);
     let rows = [
         ("the camera", Changes::Camera, Visibility::Visible),
         ("the palette", Changes::Palette, Visibility::Visible),
@@ -115,18 +117,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     headless.app.world_mut().entity_mut(prop).insert(Visibility::Visible);
     let rows = [
-        ("the camera", Changes::Camera, Msaa::Off, QualityPreset::Exact),
-        ("the palette", Changes::Palette, Msaa::Off, QualityPreset::Exact),
-        ("nothing", Changes::Nothing, Msaa::Off, QualityPreset::Exact),
-        ("nothing, balanced", Changes::Nothing, Msaa::Off, QualityPreset::Balanced),
-        ("the camera, four samples", Changes::Camera, Msaa::Sample4, QualityPreset::Exact),
-        ("nothing, four samples", Changes::Nothing, Msaa::Sample4, QualityPreset::Exact),
+        ("the camera", Changes::Camera, Msaa::Off, PropQuality::EXACT),
+        ("the palette", Changes::Palette, Msaa::Off, PropQuality::EXACT),
+        ("nothing", Changes::Nothing, Msaa::Off, PropQuality::EXACT),
+        ("nothing, balanced", Changes::Nothing, Msaa::Off, PropQuality::BALANCED),
+        ("the camera, four samples", Changes::Camera, Msaa::Sample4, PropQuality::EXACT),
+        ("nothing, four samples", Changes::Nothing, Msaa::Sample4, PropQuality::EXACT),
     ];
     let mut least = [[f64::INFINITY; 2]; 6];
     for _ in 0..ROUNDS {
-        for ((_, changes, msaa, preset), least) in rows.iter().zip(&mut least) {
+        for ((_, changes, msaa, quality), least) in rows.iter().zip(&mut least) {
             headless.app.insert_resource(*changes);
-            headless.app.world_mut().entity_mut(camera).insert((*msaa, preset.quality()));
+            headless.app.world_mut().entity_mut(camera).insert((*msaa, *quality));
             for (edges, least) in [EdgeSmoothing::Off, EdgeSmoothing::Coverage].into_iter().zip(least) {
                 headless.app.world_mut().entity_mut(prop).insert(Posterize { edges, ..default() });
                 headless.wait_until_ready(PATIENCE)?;

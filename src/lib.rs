@@ -149,7 +149,7 @@ pub use posterize::{
     MAX_FILTER_RADIUS, Posterize,
 };
 pub use prop::{Prop, PropError, PropPath, PropProgress, PropState, PropTint, SolidOpacity};
-pub use quality::{PropQuality, QualityPreset};
+pub use quality::PropQuality;
 pub use recolor::Recolor;
 pub use recovery::DeviceRecoveryPlugin;
 #[cfg(feature = "shadows")]

@@ -2,8 +2,6 @@
 
 use bevy::prelude::*;
 
-use plenoctree::{palette::ExtractionSettings, sampling::SamplingSettings};
-
 use crate::posterize::MAX_FILTER_ITERATIONS;
 
 /// Trades accuracy for speed when a camera draws props.
@@ -21,6 +19,20 @@ use crate::posterize::MAX_FILTER_ITERATIONS;
 /// [`opacity_loss`] and [`cell_size`]. A level is made in the background when a camera or a light first requests it;
 /// until it is ready, the field itself or a more exact level is drawn. Levels take additional GPU memory until no
 /// camera or light has requested them for 600 frames, so do not animate these settings.
+///
+/// The table lists the accuracy of the presets that tests guarantee for the most demanding of the baked props (thin
+/// rails, gloss) and for a field that no preset was tuned to, where they fill a frame of 400 x 400 pixels and, in
+/// parentheses, one of 160 x 160 pixels, in which their details are the size of pixels: the lowest PSNR against
+/// float64, and the largest fraction of the prop's pixels whose label differs from the one in float64, when labels do
+/// not blend. Larger frames are more accurate. Fields with many details of the size of pixels are less accurate: of a
+/// trained field of 256 cells per side, [`BALANCED`](Self::BALANCED) changes twice as many labels.
+///
+/// | | PSNR, at least | labels changed, at most |
+/// |---|---|---|
+/// | [`EXACT`](Self::EXACT) | 55 dB (55) | 1% (1) |
+/// | [`HIGH`](Self::HIGH) | 45 dB (45) | 2% (2) |
+/// | [`BALANCED`](Self::BALANCED) | 38 dB (34) | 8% (10) |
+/// | [`FAST`](Self::FAST) | 33 dB (29) | 20% (23) |
 ///
 /// [`density_threshold`]: Self::density_threshold
 /// [`opacity_loss`]: Self::opacity_loss
@@ -123,6 +135,9 @@ impl PropQuality {
         filter_iterations: 1,
         ..Self::HIGH
     };
+    /// All presets and their names, from the most exact to the fastest.
+    pub const PRESETS: [(&'static str, Self); 4] =
+        [("exact", Self::EXACT), ("high", Self::HIGH), ("balanced", Self::BALANCED), ("fast", Self::FAST)];
 
     /// Clamps every field to its valid range, so that no shader divides by zero or loops for too long. NaN becomes the
     /// value of [`EXACT`](Self::EXACT).
@@ -141,65 +156,5 @@ impl PropQuality {
             edge_rays: if self.edge_rays < 8 { 4 } else { 8 },
             ..self
         }
-    }
-}
-
-/// A named preset of all settings that trade accuracy for speed.
-///
-/// The table lists the accuracy that tests guarantee for the most demanding of the baked props (thin rails, gloss)
-/// and for a field that no preset was tuned to, where they fill a frame of 400 x 400 pixels and, in parentheses, one of
-/// 160 x 160 pixels, in which their details are the size of pixels: the lowest PSNR against float64, and the largest
-/// fraction of the prop's pixels whose label differs from the one in float64, when labels do not blend. Larger frames
-/// are more accurate. Fields with many details of the size of pixels are less accurate: of a trained field of 256 cells
-/// per side, [`Balanced`](Self::Balanced) changes twice as many labels. To measure your own field, run
-/// `cargo run --release -p lab -- tradeoff` in the repository.
-///
-/// | | PSNR, at least | labels changed, at most |
-/// |---|---|---|
-/// | [`Self::Exact`] | 55 dB (55) | 1% (1) |
-/// | [`Self::High`] | 45 dB (45) | 2% (2) |
-/// | [`Self::Balanced`] | 38 dB (34) | 8% (10) |
-/// | [`Self::Fast`] | 33 dB (29) | 20% (23) |
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
-#[reflect(Default, Clone, Debug, PartialEq, Hash)]
-#[type_path = "bevy_plenoctree"]
-pub enum QualityPreset {
-    /// Exact. This is the default.
-    #[default]
-    Exact,
-    /// Hardly distinguishable from [`Exact`](Self::Exact).
-    High,
-    /// A compromise for most games.
-    Balanced,
-    /// For many props, or a slow GPU.
-    Fast,
-}
-
-impl QualityPreset {
-    /// All presets, from the most exact to the fastest.
-    pub const ALL: [Self; 4] = [Self::Exact, Self::High, Self::Balanced, Self::Fast];
-
-    /// Returns the preset's [`PropQuality`], for cameras.
-    pub fn quality(self) -> PropQuality {
-        match self {
-            Self::Exact => PropQuality::EXACT,
-            Self::High => PropQuality::HIGH,
-            Self::Balanced => PropQuality::BALANCED,
-            Self::Fast => PropQuality::FAST,
-        }
-    }
-
-    /// Returns the preset's settings for [`PaletteExtraction`](crate::PaletteExtraction). [`Balanced`](Self::Balanced)
-    /// samples half of the leaves, and [`Fast`](Self::Fast) a quarter.
-    ///
-    /// Sampling fewer leaves shifts the colors of hulls and fitted palettes. Tones do not depend on it, unless
-    /// a tolerance decides how many there are. Extract the palettes that you ship with [`Exact`](Self::Exact).
-    pub fn extraction(self) -> ExtractionSettings {
-        let sample_fraction = match self {
-            Self::Exact | Self::High => 1.0,
-            Self::Balanced => 0.5,
-            Self::Fast => 0.25,
-        };
-        ExtractionSettings { sampling: SamplingSettings { sample_fraction, ..default() }, ..default() }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use bevy_plenoctree::{POSTERIZE_SPANS, Posterize, QualityPreset, VOLUME_SPANS};
+use bevy_plenoctree::{POSTERIZE_SPANS, Posterize, PropQuality, VOLUME_SPANS};
 
 use crate::{
     PATIENCE, Result, SIZES,
@@ -12,12 +12,12 @@ use crate::{
 };
 
 /// Frames in which the camera moves, except in the last row.
-const ROWS: [(&str, QualityPreset, bool); 5] = [
-    ("`EXACT`", QualityPreset::Exact, true),
-    ("`HIGH`", QualityPreset::High, true),
-    ("`BALANCED`", QualityPreset::Balanced, true),
-    ("`FAST`", QualityPreset::Fast, true),
-    ("`EXACT`, nothing moves", QualityPreset::Exact, false),
+const ROWS: [(&str, PropQuality, bool); 5] = [
+    ("`EXACT`", PropQuality::EXACT, true),
+    ("`HIGH`", PropQuality::HIGH, true),
+    ("`BALANCED`", PropQuality::BALANCED, true),
+    ("`FAST`", PropQuality::FAST, true),
+    ("`EXACT`, nothing moves", PropQuality::EXACT, false),
 ];
 
 pub fn measure(end: Instant) -> Result {
@@ -29,13 +29,13 @@ pub fn measure(end: Instant) -> Result {
     let mut left = (SIZES.len() * ROWS.len() * LOOKS.len()) as u32;
     for size in SIZES {
         headless.resize(size);
-        for (name, preset, sways) in ROWS {
+        for (name, quality, sways) in ROWS {
             for (look, is_posterized) in LOOKS {
                 let share = end.saturating_duration_since(Instant::now()) / left;
                 let row_end = Instant::now() + share;
                 left -= 1;
                 headless.app.insert_resource(Sways(sways));
-                headless.app.world_mut().entity_mut(camera).insert(preset.quality());
+                headless.app.world_mut().entity_mut(camera).insert(quality);
                 show(&mut headless, camera, &fields, Scene::Whole, size, is_posterized.then(Posterize::default))?;
                 headless.wait_until_ready(PATIENCE)?;
                 let times = Times::measure(&mut headless, row_end)?;

@@ -2,10 +2,13 @@
 
 use std::path::PathBuf;
 
-use bevy_plenoctree::{Activation, LoadSettings, UpAxis};
-use clap::{Parser, ValueEnum};
+use bevy_plenoctree::{Activation, LoadSettings, PropQuality, UpAxis};
+use clap::{
+    Parser, ValueEnum,
+    builder::{PossibleValuesParser, TypedValueParser},
+};
 
-use crate::{quality::Level, show::Show};
+use crate::show::Show;
 
 /// Shows a PlenOctree in a window, posterizes it and edits its palette.
 #[derive(Parser)]
@@ -23,13 +26,19 @@ pub struct Arguments {
     #[arg(long, value_enum)]
     up: Option<Up>,
     /// The quality preset.
-    #[arg(long, value_enum, default_value_t)]
-    pub quality: Level,
+    #[arg(long, default_value = "exact", value_parser = preset())]
+    pub quality: PropQuality,
     #[command(flatten)]
     pub show: Show,
     /// Includes the panel in the captured frame.
     #[arg(long, requires = "headless")]
     pub panel: bool,
+}
+
+/// Parses the name of a preset.
+fn preset() -> impl TypedValueParser<Value = PropQuality> {
+    let names = PossibleValuesParser::new(PropQuality::PRESETS.map(|(name, _)| name));
+    names.map(|name| PropQuality::PRESETS.into_iter().find(|(preset, _)| *preset == name).unwrap_or_default().1)
 }
 
 #[derive(Clone, Copy, ValueEnum)]

@@ -16,7 +16,6 @@ mod notices;
 mod pace;
 mod palette_file;
 mod panel;
-mod quality;
 mod scene;
 mod screenshot;
 #[path = "../common/show.rs"]
@@ -60,7 +59,7 @@ fn build(app: &mut App, arguments: &Arguments, palette: Option<Palette>) {
         .insert_resource(panel::PanelState::new(has_window || arguments.panel))
         .init_resource::<notices::Notices>()
         .add_message::<Action>()
-        .insert_resource(scene::CameraQuality(arguments.quality.preset().quality()))
+        .insert_resource(scene::CameraQuality(arguments.quality))
         .add_systems(Startup, scene::spawn_cameras)
         .add_systems(
             Update,

@@ -1,6 +1,6 @@
 //! The settings to measure, and their values.
 
-use bevy_plenoctree::{PropQuality, QualityPreset};
+use bevy_plenoctree::PropQuality;
 use plenoctree::{
     palette::{ExtractionSettings, PaletteMethod},
     sampling::SamplingSettings,
@@ -36,9 +36,7 @@ pub fn rendering() -> Vec<Variant> {
     knob("edge_rays", &[4.0], |quality, value| quality.edge_rays = value as u32);
     knob("estimates_edges", &[1.0], |quality, value| quality.estimates_edges = value > 0.0);
     knob("filter_iterations", &[3.0, 2.0, 1.0, 0.0], |quality, value| quality.filter_iterations = value as u32);
-    for (preset, name) in QualityPreset::ALL.into_iter().zip(["exact", "high", "balanced", "fast"]).skip(1) {
-        all.push(variant("preset", name.into(), preset.quality()));
-    }
+    all.extend(PropQuality::PRESETS[1..].iter().map(|(name, quality)| variant("preset", (*name).into(), *quality)));
     all
 }
 

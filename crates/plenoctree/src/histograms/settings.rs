@@ -40,8 +40,9 @@ pub struct SamplingSettings {
     /// m: every direction cell is the mean of m x m rays. 1 to 16, 2 by default. All cells together may have at most
     /// [`Self::MAX_RAYS`] rays.
     pub multisamples: usize,
-    /// Fraction of the leaves to sample, spread evenly over the field. Less is faster. More than 0 and at most 1, 1 by
-    /// default.
+    /// Fraction of the leaves to sample, spread evenly over the field. Less is faster, but shifts the colors of hulls
+    /// and fitted palettes. Tones do not depend on it, unless a tolerance decides how many there are. More than 0 and
+    /// at most 1, 1 by default.
     pub sample_fraction: f64,
     /// Transmittance below which a leaf counts as hidden. At least 0 and less than 1, 1e-2 by default.
     pub stop_transmittance: f64,

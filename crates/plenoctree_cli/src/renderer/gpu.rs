@@ -13,7 +13,7 @@ use bevy::{
 };
 use bevy_plenoctree::{
     BilateralFilter, BorderSmoothing, EdgeSmoothing, FieldPalette, GpuField, Ink, MAX_FILTER_RADIUS, POSTERIZE_SPANS,
-    Palettes, PlenOctreePlugin, Posterize, Prop, PropQuality, QualityPreset, VOLUME_SPANS,
+    Palettes, PlenOctreePlugin, Posterize, Prop, PropQuality, VOLUME_SPANS,
     headless::{Headless, exact_camera, pinhole_view},
 };
 use image::{DynamicImage, RgbImage, RgbaImage};
@@ -163,13 +163,12 @@ fn posterize(settings: PosterizeSettings) -> Posterize {
 }
 
 fn quality(preset: Preset) -> PropQuality {
-    let preset = match preset {
-        Preset::Exact => QualityPreset::Exact,
-        Preset::High => QualityPreset::High,
-        Preset::Balanced => QualityPreset::Balanced,
-        Preset::Fast => QualityPreset::Fast,
-    };
-    preset.quality()
+    match preset {
+        Preset::Exact => PropQuality::EXACT,
+        Preset::High => PropQuality::HIGH,
+        Preset::Balanced => PropQuality::BALANCED,
+        Preset::Fast => PropQuality::FAST,
+    }
 }
 
 #[cfg(test)]
