@@ -163,89 +163,53 @@ pub(super) const REALS: &str = "<f2, <f4 or <f8";
 /// The dtypes that [`Whole`] reads, for messages.
 pub(super) const WHOLES: &str = "an integer";
 
-/// A number in an array.
-pub(super) trait Number: Pod {
-    /// Reverses the order of the bytes.
-    fn swap(self) -> Self;
+/// Reverses the order of a number's bytes.
+pub(super) fn swap<T: Pod>(mut number: T) -> T {
+    bytemuck::bytes_of_mut(&mut number).reverse();
+    number
 }
 
 /// A floating-point number in an array.
-pub(super) trait Real: Number + Display {
+pub(super) trait Real: Pod + Display + Into<f64> {
     /// Converts to float64, which is exact.
-    fn to_f64(self) -> f64;
+    fn to_f64(self) -> f64 {
+        self.into()
+    }
     /// Rounds to the nearest float32. Numbers beyond its range become infinite.
-    fn to_f32(self) -> f32;
+    fn to_f32(self) -> f32 {
+        self.to_f64() as f32
+    }
     /// Rounds to the nearest float16. Returns `None` for NaN and beyond +-65504.
     fn to_f16(self) -> Option<f16>;
 }
 
-/// An integer in an array.
-pub(super) trait Whole: Number + TryInto<i64> {
-    /// Converts to `i64`, saturating.
-    fn to_i64(self) -> i64 {
-        self.try_into().unwrap_or(i64::MAX)
-    }
-}
-
-macro_rules! numbers {
-    ($($number:ty),*) => { $(
-        impl Number for $number {
-            fn swap(self) -> Self {
-                let mut bytes = self.to_ne_bytes();
-                bytes.reverse();
-                Self::from_ne_bytes(bytes)
-            }
-        }
-    )* };
-}
-numbers!(f16, f32, f64, i8, i16, i32, i64, u8, u16, u32, u64);
-
-macro_rules! wholes {
-    ($($number:ty),*) => { $( impl Whole for $number {} )* };
-}
-wholes!(i8, i16, i32, i64, u8, u16, u32, u64);
-
 impl Real for f16 {
-    fn to_f64(self) -> f64 {
-        f16::to_f64(self)
-    }
-
-    fn to_f32(self) -> f32 {
-        f16::to_f32(self)
-    }
-
     fn to_f16(self) -> Option<f16> {
         self.is_finite().then_some(self)
     }
 }
 
 impl Real for f32 {
-    fn to_f64(self) -> f64 {
-        self.into()
-    }
-
-    fn to_f32(self) -> f32 {
-        self
-    }
-
     fn to_f16(self) -> Option<f16> {
         (self.abs() <= f16::MAX.to_f32()).then(|| f16::from_f32(self))
     }
 }
 
 impl Real for f64 {
-    fn to_f64(self) -> f64 {
-        self
-    }
-
-    fn to_f32(self) -> f32 {
-        self as f32
-    }
-
     fn to_f16(self) -> Option<f16> {
         (self.abs() <= f16::MAX.to_f64()).then(|| f16::from_f64(self))
     }
 }
+
+/// An integer in an array.
+pub(super) trait Whole: Pod + TryInto<i64> {
+    /// Converts to `i64`, saturating.
+    fn to_i64(self) -> i64 {
+        self.try_into().unwrap_or(i64::MAX)
+    }
+}
+
+impl<T: Pod + TryInto<i64>> Whole for T {}
 
 /// Runs `$body` with `$number` as the Rust type of a dtype, if it is one of these. Evaluates to `None` for others.
 macro_rules! with_type {

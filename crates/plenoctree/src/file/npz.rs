@@ -2,10 +2,11 @@
 
 use std::io::{self, Read, Seek, SeekFrom, Take};
 
+use bytemuck::Pod;
 use zip::{CompressionMethod, ZipArchive, read::ZipFile, result::ZipError};
 
 use super::error::{ReadFault, printable};
-use super::npy::{Dtype, Header, Number};
+use super::npy::{Dtype, Header, swap};
 use super::room::room;
 
 /// Maximum number of members in an archive. A PlenOctree has a dozen.
@@ -311,7 +312,7 @@ impl Array<'_> {
     /// `visit` is called with consecutive elements along the last axes, and with the index of the first of them in C
     /// order. It gets whole rows of `width` elements if the file is in C order, and single elements if it is in Fortran
     /// order. In C order, elements from `end` on are skipped.
-    pub fn stream<T: Number>(
+    pub fn stream<T: Pod>(
         mut self,
         width: usize,
         end: usize,
@@ -335,7 +336,7 @@ impl Array<'_> {
             let chunk = &mut buffer[..length];
             self.reader.read_exact(bytemuck::cast_slice_mut(chunk)).map_err(|error| member_fault(self.key, error))?;
             if self.header.dtype.swapped {
-                chunk.iter_mut().for_each(|number| *number = number.swap());
+                chunk.iter_mut().for_each(|number| *number = swap(*number));
             }
             if self.header.fortran {
                 for number in chunk.chunks_exact(1) {
