@@ -13,7 +13,7 @@ use glam::DVec3;
 use plenoctree::{PlenOctree, camera::PinholeCamera};
 use plenoctree_fit::{
     RefineSettings, Refined, Shot, refine,
-    splat::{SplatImage, Splats, Subject, SubjectSettings, VoxelSettings, render_splats, voxelize},
+    splat::{SPLAT_BLUR, SplatImage, Splats, Subject, SubjectSettings, VoxelSettings, render_splats, voxelize},
 };
 use serde_json::json;
 
@@ -31,8 +31,7 @@ use crate::{
 const LEAST_PSNR: f64 = 16.0;
 /// The most that refining may lose in whole pictures from nearby, in decibels.
 const MOST_LOSS: f64 = 0.1;
-/// The variance by which splats are blurred, in square pixels, and that of a cell, in square cells.
-const SPLAT: f64 = 0.3;
+/// The variance of a cell, in square cells.
 const CELL: f64 = 1.0 / 12.0;
 /// The least and the greatest blur of a field, in finest cells.
 const BLURS: [f64; 2] = [0.25, 0.5];
@@ -85,7 +84,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let depth = arguments.depth.unwrap_or_else(|| cells.log2().clamp(6.0, 10.0).round() as u32);
     // In all, as much as splats are.
     let pixel = f64::from(depth).exp2() / cells;
-    let blur = (SPLAT * pixel * pixel - CELL).max(0.0).sqrt().clamp(BLURS[0], BLURS[1]);
+    let blur = (SPLAT_BLUR * pixel * pixel - CELL).max(0.0).sqrt().clamp(BLURS[0], BLURS[1]);
     let settings = VoxelSettings {
         depth,
         leaves: arguments.leaves as usize,

@@ -26,7 +26,7 @@ mod voxelize;
 pub use axis::Axis;
 pub use error::SplatError;
 pub use read::{SplatSettings, SpzAxes};
-pub use render::{SplatImage, render_splats};
+pub use render::{SPLAT_BLUR, SplatImage, render_splats};
 pub use splats::{Gaussian, Splats};
 pub use subject::{Subject, SubjectSettings};
 pub use voxelize::{VoxelSettings, Voxels, voxelize};

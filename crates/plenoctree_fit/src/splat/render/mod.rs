@@ -4,6 +4,8 @@
 mod project;
 mod tiles;
 
+pub use project::SPLAT_BLUR;
+
 use glam::{DVec3, Vec4};
 use plenoctree::camera::PinholeCamera;
 use rayon::prelude::*;

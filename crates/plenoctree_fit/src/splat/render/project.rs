@@ -7,8 +7,8 @@ use crate::splat::splats::Splats;
 
 /// Depth below which Gaussians are left out, in world units, unless they are smaller.
 const NEAR: f64 = 0.01;
-/// Added to the variance of every Gaussian, in square pixels.
-const DILATION: f64 = 0.3;
+/// The variance by which every Gaussian is blurred in the image, in square pixels.
+pub const SPLAT_BLUR: f64 = 0.3;
 /// How far outside the image the derivative of the projection is evaluated, in multiples of half its size. Beyond that,
 /// it does not approximate the projection.
 const OUTSIDE: f64 = 1.3;
@@ -58,12 +58,12 @@ pub fn project(splats: &Splats, index: usize, camera: &PinholeCamera) -> Option<
     let axes = DMat3::from_quat(gaussian.rotation.as_dquat()).transpose();
     let scale = gaussian.scale.as_dvec3();
     let (across, down) = (scale * (axes * across), scale * (axes * down));
-    let (xx, xy, yy) = (across.length_squared() + DILATION, across.dot(down), down.length_squared() + DILATION);
+    let (xx, xy, yy) = (across.length_squared() + SPLAT_BLUR, across.dot(down), down.length_squared() + SPLAT_BLUR);
     let determinant = xx * yy - xy * xy;
     let mut opacity = gaussian.opacity;
     if splats.antialiased() {
         // What it covers in all is that of the Gaussian without blur.
-        let own = (xx - DILATION) * (yy - DILATION) - xy * xy;
+        let own = (xx - SPLAT_BLUR) * (yy - SPLAT_BLUR) - xy * xy;
         opacity *= (own / determinant).max(0.0).sqrt() as f32;
         if opacity < FAINTEST {
             return None;
