@@ -22,7 +22,7 @@ use bevy::{
 };
 
 use super::{
-    pass::{CachedResult, Pass},
+    pass::{CachedResult, FirstGroup, Pass},
     slot::Slot,
     textures::{Textures, bind},
 };
@@ -149,10 +149,7 @@ fn key(result: CachedResult, passes: &[Pass], textures: &Textures, buffers: &Vie
     let ViewBuffers { view, props, screen, filters, labelings, lit, shades, first_drawn: _, no_fog: _ } = buffers;
     let labels = || (labelings.hash, plan.values.palettes);
     match result {
-        // The coverage pass draws what the composite pass lists, which depends on whether edges are estimated.
-        CachedResult::Layer => {
-            (view.hash, props.hash, plan.recolors.then(labels), plan.estimates_edges).hash(&mut hasher);
-        }
+        CachedResult::Layer => (view.hash, props.hash, plan.recolors.then(labels)).hash(&mut hasher),
         CachedResult::Composite => (view.hash, screen.hash, filters.hash).hash(&mut hasher),
         CachedResult::Labels => (view.hash, props.hash, screen.hash, labels()).hash(&mut hasher),
     }
@@ -163,6 +160,10 @@ fn key(result: CachedResult, passes: &[Pass], textures: &Textures, buffers: &Vie
             (draw.program, &draw.vertices, draw.instance, draw.scissor.map(|rect| (rect.min, rect.max)))
                 .hash(&mut hasher);
             draw.field.as_ref().map(|field| field.id()).hash(&mut hasher);
+        }
+        // What it draws may be listed by a pass of a later result.
+        if let FirstGroup::Batches(_, list) = pass.group {
+            passes.iter().filter(|pass| pass.stores.contains(&list)).for_each(|pass| pass.programs.hash(&mut hasher));
         }
         for slot in pass.slots() {
             match slot {
