@@ -1,13 +1,12 @@
 //! Tests where palettes come from: files next to fields, handles, and extraction when fields arrive and change.
 
-use std::path::{Path, PathBuf};
-
 use bevy::{asset::LoadState, prelude::*};
 use bevy_plenoctree::{
     ExtractionSettings, FieldPalette, Palette, PaletteExtraction, PaletteReady, PaletteSampler, Palettes, PlenOctree,
     PlenOctreePlugin, Posterize, Prop, RampAdjustment, SampleOrigin,
 };
 use glam::DVec3;
+use tempfile::TempDir;
 
 use super::{
     palettes::{COLORS, RED, round_trip, solid},
@@ -18,15 +17,14 @@ use super::{
 /// An app that loads fields and palettes from a folder without drawing them.
 struct Files {
     app: App,
-    folder: PathBuf,
+    folder: TempDir,
 }
 
 impl Files {
-    /// Creates a folder of this name with `x.npz` in it, and starts an app there.
-    fn new(name: &str) -> Self {
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        solid(10.0).write(folder.join("x.npz")).unwrap();
+    /// Creates a folder with `x.npz` in it, and starts an app there.
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        solid(10.0).write(folder.path().join("x.npz")).unwrap();
         let mut files = Self { app: App::new(), folder };
         files.restart();
         files
@@ -35,7 +33,7 @@ impl Files {
     /// Starts another app in the same folder.
     fn restart(&mut self) {
         self.app = App::new();
-        let assets = AssetPlugin { file_path: self.folder.to_string_lossy().into(), ..default() };
+        let assets = AssetPlugin { file_path: self.folder.path().to_string_lossy().into(), ..default() };
         self.app.add_plugins((MinimalPlugins, assets, PlenOctreePlugin));
         hear::<PaletteReady>(&mut self.app);
         self.app.finish();
@@ -43,7 +41,7 @@ impl Files {
     }
 
     fn write(&self, name: &str, text: &str) {
-        std::fs::write(self.folder.join(name), text).unwrap();
+        std::fs::write(self.folder.path().join(name), text).unwrap();
     }
 
     fn load<T: Asset>(&self, name: &'static str) -> Handle<T> {
@@ -66,7 +64,7 @@ impl Files {
 
     /// Replaces the field on disk, and updates the app until it has the new one.
     fn reload(&mut self, field: &Handle<PlenOctree>, new: &PlenOctree) {
-        new.write(self.folder.join("x.npz")).unwrap();
+        new.write(self.folder.path().join("x.npz")).unwrap();
         self.app.world().resource::<AssetServer>().reload("x.npz");
         let (id, density) = (field.id(), new.densities()[0]);
         self.run_until("the new field", move |world| {
@@ -91,15 +89,9 @@ impl Files {
     }
 }
 
-impl Drop for Files {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.folder);
-    }
-}
-
 #[test]
 fn a_palette_next_to_a_field_replaces_extraction() {
-    let mut files = Files::new("beside");
+    let mut files = Files::new();
     files.write("x.palette.json", r#"{"colors": [[0.25, 0.5, 0.75], [0.5, 0, 0]]}"#);
     let field = files.spawn();
     let palette = files.palette(&field);
@@ -144,12 +136,12 @@ fn the_toadstool_is_sampled_when_it_arrives() {
 
 #[test]
 fn an_extracted_palette_can_be_saved_and_shipped() {
-    let mut files = Files::new("shipped");
+    let mut files = Files::new();
     let field = files.spawn();
     let extracted = files.palette(&field);
     assert!(extracted.extraction().is_some());
     assert_eq!(files.heard(), [PaletteReady { field: field.id(), sampled: Some(SampleOrigin::Cpu) }]);
-    extracted.save(files.folder.join("x.palette.json")).unwrap();
+    extracted.save(files.folder.path().join("x.palette.json")).unwrap();
 
     files.restart();
     let field = files.spawn();
@@ -161,7 +153,7 @@ fn an_extracted_palette_can_be_saved_and_shipped() {
 /// An extraction that failed is tried again when its settings change, and not before.
 #[test]
 fn failed_extractions_are_tried_again_with_other_settings() {
-    let mut files = Files::new("retry");
+    let mut files = Files::new();
     let valid = files.app.world().resource::<PaletteExtraction>().settings.clone();
     let set = |files: &mut Files, settings: ExtractionSettings| {
         files.app.world_mut().resource_mut::<PaletteExtraction>().settings = settings;
@@ -205,7 +197,7 @@ fn palettes_are_only_extracted_on_request_if_so_wished() {
 #[test]
 fn looks_that_are_switched_early_have_their_palettes() {
     for is_wanted in [false, true] {
-        let mut files = Files::new(if is_wanted { "look-wanted" } else { "look-switched" });
+        let mut files = Files::new();
         let field: Handle<PlenOctree> = files.load("x.npz");
         let world = files.app.world_mut();
         let prop = world.spawn((Prop(field.clone()), Posterize::default())).id();
@@ -225,8 +217,8 @@ fn looks_that_are_switched_early_have_their_palettes() {
 /// colors are as they always were.
 #[test]
 fn shown_colors_and_ramps_are_saved() {
-    let mut files = Files::new("shown");
-    let path = files.folder.join("x.palette.json");
+    let mut files = Files::new();
+    let path = files.folder.path().join("x.palette.json");
     let mut palette = ramps();
     palette.save(&path).unwrap();
     assert!(!std::fs::read_to_string(&path).unwrap().contains("shown"), "nothing was recolored");
@@ -274,7 +266,7 @@ fn shown_colors_and_ramps_are_saved() {
 
 #[test]
 fn a_palette_is_extracted_if_its_file_is_invalid() {
-    let mut files = Files::new("broken");
+    let mut files = Files::new();
     files.write("x.palette.json", r#"{"colors": [[255, 128, 0]]}"#);
     let field = files.spawn();
     assert!(files.palette(&field).extraction().is_some());
@@ -301,7 +293,7 @@ fn a_palette_is_extracted_if_its_file_is_invalid() {
 /// Nothing loads a default handle.
 #[test]
 fn a_palette_is_extracted_if_its_handle_is_a_default_one() {
-    let mut files = Files::new("default");
+    let mut files = Files::new();
     let field = files.spawn();
     files.app.world_mut().resource_mut::<Palettes>().insert_handle(&field, Handle::default());
     assert!(files.palette(&field).extraction().is_some());
@@ -310,7 +302,7 @@ fn a_palette_is_extracted_if_its_handle_is_a_default_one() {
 /// A palette that is given by its handle replaces one with the same source colors and other shown ones.
 #[test]
 fn palettes_of_the_same_source_colors_replace_each_other() {
-    let mut files = Files::new("seasons");
+    let mut files = Files::new();
     files.write("x.palette.json", r#"{"colors": [[0.5, 0.5, 0]]}"#);
     files.write("winter.palette.json", r#"{"colors": [[0.5, 0.5, 0]], "shown": [[1, 1, 1]]}"#);
     let field = files.spawn();
@@ -326,7 +318,7 @@ fn palettes_of_the_same_source_colors_replace_each_other() {
 /// A field that nobody needs any more before it is loaded leaves no palette behind.
 #[test]
 fn fields_that_never_arrive_leave_no_palette() {
-    let mut files = Files::new("never");
+    let mut files = Files::new();
     files.write("y.palette.json", r#"{"colors": [[0.5, 0.5, 0]]}"#);
     let field = files.load::<PlenOctree>("y.npz");
     let id = field.id();
@@ -339,7 +331,7 @@ fn fields_that_never_arrive_leave_no_palette() {
 
 #[test]
 fn a_palette_can_be_given_by_handle() {
-    let mut files = Files::new("handle");
+    let mut files = Files::new();
     files.write("winter.palette.json", r#"{"colors": [[0.9, 0.95, 1]]}"#);
     files.write("x.palette.json", r#"{"colors": [[0, 0, 0]]}"#);
     let field = files.spawn();
@@ -382,7 +374,7 @@ fn total_weight(palette: Option<&FieldPalette>) -> Option<f64> {
 /// palette that was inserted in code stays.
 #[test]
 fn a_field_is_reloaded() {
-    let mut files = Files::new("reload");
+    let mut files = Files::new();
     let field = files.spawn();
     let extracted = files.palette(&field);
     files.reload(&field, &solid(0.5));
@@ -417,7 +409,7 @@ fn a_field_is_reloaded() {
 #[test]
 fn a_reload_does_not_cancel_a_requested_extraction() {
     for waiting in [false, true] {
-        let mut files = Files::new(if waiting { "request-waiting" } else { "request-running" });
+        let mut files = Files::new();
         let field = files.spawn();
         let thick = total_weight(Some(&files.palette(&field)));
         let given = FieldPalette::from_colors(COLORS).unwrap();
@@ -440,18 +432,18 @@ fn a_reload_does_not_cancel_a_requested_extraction() {
 #[test]
 fn a_palette_next_to_an_unapproved_field_is_loaded() {
     use bevy::asset::UnapprovedPathMode;
-    let files = Files::new("unapproved");
+    let files = Files::new();
     files.write("x.palette.json", r#"{"colors": [[0.25, 0.5, 0.75]]}"#);
-    std::fs::create_dir_all(files.folder.join("assets")).unwrap();
+    std::fs::create_dir_all(files.folder.path().join("assets")).unwrap();
     let mut app = App::new();
     let assets = AssetPlugin {
-        file_path: files.folder.join("assets").to_string_lossy().into(),
+        file_path: files.folder.path().join("assets").to_string_lossy().into(),
         unapproved_path_mode: UnapprovedPathMode::Deny,
         ..default()
     };
     app.add_plugins((MinimalPlugins, assets, PlenOctreePlugin));
     let server = app.world().resource::<AssetServer>();
-    let path = files.folder.join("x.npz");
+    let path = files.folder.path().join("x.npz");
     let field: Handle<PlenOctree> = server.load_builder().override_unapproved().load(path);
     app.world_mut().spawn((Prop(field.clone()), Posterize::default()));
     wait_for("a palette", || {

@@ -107,31 +107,15 @@ mod tests {
         sync::atomic::AtomicBool,
     };
 
+    use tempfile::TempDir;
+
     use super::*;
 
-    /// A folder that is removed with its content.
-    struct Folder(PathBuf);
-
-    impl Folder {
-        fn new(name: &str) -> Self {
-            let folder = std::env::temp_dir().join(format!("plenoctree-save-{name}-{}", process::id()));
-            let _ = fs::remove_dir_all(&folder);
-            fs::create_dir_all(&folder).unwrap();
-            Self(folder)
-        }
-
-        fn names(&self) -> Vec<String> {
-            let names = fs::read_dir(&self.0).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
-            let mut names: Vec<_> = names.collect();
-            names.sort();
-            names
-        }
-    }
-
-    impl Drop for Folder {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0);
-        }
+    fn names(folder: &TempDir) -> Vec<String> {
+        let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let mut names: Vec<_> = names.collect();
+        names.sort();
+        names
     }
 
     fn write(path: &Path, text: &str) -> io::Result<()> {
@@ -140,8 +124,8 @@ mod tests {
 
     #[test]
     fn a_failure_leaves_the_old_file_alone() {
-        let folder = Folder::new("failure");
-        let path = folder.0.join("file");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
         let fail = |path: &Path| {
             replace_file(path, |file| {
                 file.write_all(b"half")?;
@@ -149,20 +133,20 @@ mod tests {
             })
         };
         assert_eq!(fail(&path).unwrap_err().to_string(), "the disk is full");
-        assert!(folder.names().is_empty(), "{:?}", folder.names());
+        assert!(names(&folder).is_empty(), "{:?}", names(&folder));
         write(&path, "old").unwrap();
         assert!(fail(&path).is_err());
         assert_eq!(fs::read_to_string(&path).unwrap(), "old");
-        assert_eq!(folder.names(), ["file"]);
-        assert_eq!(write(&folder.0.join("no/such/folder"), "new").unwrap_err().kind(), io::ErrorKind::NotFound);
-        assert!(write(&folder.0, "new").is_err() && folder.names() == ["file"]);
+        assert_eq!(names(&folder), ["file"]);
+        assert_eq!(write(&folder.path().join("no/such/folder"), "new").unwrap_err().kind(), io::ErrorKind::NotFound);
+        assert!(write(folder.path(), "new").is_err() && names(&folder) == ["file"]);
     }
 
     /// Readers that read the file while it is replaced, over and over, always see a complete one, old or new.
     #[test]
     fn readers_see_whole_files_only() {
-        let folder = Folder::new("readers");
-        let path = folder.0.join("file");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
         let texts = ["a".repeat(100_000), "b".repeat(50_000)];
         write(&path, &texts[0]).unwrap();
         let done = AtomicBool::new(false);
@@ -182,15 +166,15 @@ mod tests {
             done.store(true, Ordering::Relaxed);
             reader.join().unwrap();
         });
-        assert_eq!(folder.names(), ["file"]);
+        assert_eq!(names(&folder), ["file"]);
     }
 
     #[cfg(unix)]
     #[test]
     fn permissions_and_links_stay() {
         use std::os::unix::fs::{PermissionsExt, symlink};
-        let folder = Folder::new("permissions");
-        let (path, link) = (folder.0.join("file"), folder.0.join("link"));
+        let folder = tempfile::tempdir().unwrap();
+        let (path, link) = (folder.path().join("file"), folder.path().join("link"));
         write(&path, "old").unwrap();
         fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).unwrap();
         symlink("file", &link).unwrap();
@@ -201,7 +185,7 @@ mod tests {
         fs::set_permissions(&path, fs::Permissions::from_mode(0o440)).unwrap();
         assert_eq!(write(&path, "newer").unwrap_err().kind(), io::ErrorKind::PermissionDenied);
         assert_eq!(fs::read_to_string(&path).unwrap(), "new");
-        assert_eq!(folder.names(), ["file", "link"]);
+        assert_eq!(names(&folder), ["file", "link"]);
     }
 
     /// A link to a file that does not exist yet creates it, wherever it is, and links in a circle are an error.
@@ -209,15 +193,15 @@ mod tests {
     #[test]
     fn links_may_lead_to_new_files() {
         use std::os::unix::fs::symlink;
-        let folder = Folder::new("links");
-        fs::create_dir(folder.0.join("below")).unwrap();
-        symlink("below/second", folder.0.join("first")).unwrap();
-        symlink("../file", folder.0.join("below/second")).unwrap();
-        write(&folder.0.join("first"), "new").unwrap();
-        assert_eq!(fs::read_to_string(folder.0.join("file")).unwrap(), "new");
-        assert!(["first", "below/second"].iter().all(|link| folder.0.join(link).is_symlink()));
-        symlink("circle", folder.0.join("circle")).unwrap();
-        assert!(write(&folder.0.join("circle"), "new").is_err());
-        assert!(folder.0.join("circle").is_symlink());
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("below")).unwrap();
+        symlink("below/second", folder.path().join("first")).unwrap();
+        symlink("../file", folder.path().join("below/second")).unwrap();
+        write(&folder.path().join("first"), "new").unwrap();
+        assert_eq!(fs::read_to_string(folder.path().join("file")).unwrap(), "new");
+        assert!(["first", "below/second"].iter().all(|link| folder.path().join(link).is_symlink()));
+        symlink("circle", folder.path().join("circle")).unwrap();
+        assert!(write(&folder.path().join("circle"), "new").is_err());
+        assert!(folder.path().join("circle").is_symlink());
     }
 }

@@ -331,13 +331,10 @@ mod tests {
     use super::*;
 
     fn read(json: &str, size: Option<(u32, u32)>) -> Result<Vec<PinholeCamera>, CameraError> {
-        let directory = std::env::temp_dir().join(format!("plenoctree-cameras-{:?}", std::thread::current().id()));
-        fs::create_dir_all(&directory).unwrap();
-        let path = directory.join("transforms.json");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("transforms.json");
         fs::write(&path, json).unwrap();
-        let cameras = read_transforms(&path, size);
-        fs::remove_dir_all(&directory).unwrap();
-        cameras
+        read_transforms(&path, size)
     }
 
     const POSE: &str = r#""transform_matrix": [[1,0,0,4],[0,1,0,5],[0,0,1,6],[0,0,0,1]]"#;
@@ -345,7 +342,8 @@ mod tests {
     /// Pictures are those that `fit` reads, and distortion is noticed wherever it is written.
     #[test]
     fn pictures_and_distortion_are_told() {
-        let path = std::env::temp_dir().join(format!("plenoctree-transforms-{}.json", std::process::id()));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("transforms.json");
         let read = |common: &str, own: &str| {
             let json = format!(
                 r#"{{{common} "camera_angle_x": 1, "frames": [{{"file_path": "a", "file": "no", {POSE}}},
@@ -362,7 +360,6 @@ mod tests {
         assert!(read(r#""camera_model": "OPENCV_FISHEYE","#, "").is_distorted);
         assert!(read("", r#""camera_model": "EQUIRECTANGULAR","#).is_distorted);
         assert!(read("", r#""is_fisheye": true,"#).is_distorted);
-        fs::remove_file(&path).unwrap();
     }
 
     #[test]

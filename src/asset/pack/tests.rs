@@ -1,10 +1,6 @@
 //! Apps whose assets are processed, in folders of their own.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-    time::Instant,
-};
+use std::{fs, path::Path, time::Instant};
 
 use bevy::{
     app::TaskPoolPlugin,
@@ -15,32 +11,26 @@ use bevy::{
 };
 use glam::DVec3;
 use plenoctree::{Activation, BakeSettings, Basis, UpAxis, bake};
+use tempfile::TempDir;
 
 use super::*;
 
-/// A folder that is removed at the end.
-struct Folder(PathBuf);
+/// A folder for the apps of a test, which is removed at the end.
+struct Folder(TempDir);
 
 impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("bevy_plenoctree-{name}-{}", std::process::id()));
-        let _ = fs::remove_dir_all(&path);
-        fs::create_dir_all(path.join("source")).unwrap();
-        Self(path)
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("source")).unwrap();
+        Self(folder)
     }
 
     fn write(&self, name: &str, content: impl AsRef<[u8]>) {
-        fs::write(self.0.join("source").join(name), content).unwrap();
+        fs::write(self.0.path().join("source").join(name), content).unwrap();
     }
 
     fn size(&self, name: &str) -> u64 {
-        fs::metadata(self.0.join(name)).unwrap().len()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
+        fs::metadata(self.0.path().join(name)).unwrap().len()
     }
 }
 
@@ -115,7 +105,7 @@ fn meta(loader: &str, loader_settings: &str, saver_settings: &str) -> String {
 /// Settings of the source file end up in the packed one, and the app loads it under the same name.
 #[test]
 fn processed_apps_load_packed_fields() {
-    let folder = Folder::new("pack");
+    let folder = Folder::new();
     let settings = BakeSettings { depth: 4, basis: Basis::Sh4, ..default() };
     let ball = bake(
         &settings,
@@ -123,9 +113,9 @@ fn processed_apps_load_packed_fields() {
         |at| move |from: DVec3| 0.5 + 0.3 * at + 0.3 * at * from,
     )
     .unwrap();
-    ball.write(folder.0.join("source/ball.npz")).unwrap();
+    ball.write(folder.0.path().join("source/ball.npz")).unwrap();
     folder.write("ball.npz.meta", meta("PlenOctreeLoader", "activation: Some(ShiftedRelu), up: Some(Y)", "rows: 32"));
-    let [field] = load(&mut app(&folder.0, Files::Processor), ["ball.npz"]).map(Result::unwrap);
+    let [field] = load(&mut app(folder.0.path(), Files::Processor), ["ball.npz"]).map(Result::unwrap);
     assert_eq!((field.activation(), field.up()), (Activation::ShiftedRelu, UpAxis::Y));
     let last = field.codebook().unwrap().rows.iter().map(|[luma, _]| *luma).max();
     assert!(last.is_some_and(|row| (1..32).contains(&row)), "{last:?}");
@@ -199,7 +189,7 @@ fn gltf() -> (String, Vec<u8>) {
 /// processor ignores. Damaged captures fail. A shipped game needs only what was processed.
 #[test]
 fn processed_apps_load_packed_captures() {
-    let folder = Folder::new("captures");
+    let folder = Folder::new();
     let (document, numbers) = gltf();
     for (name, content) in [
         ("cross.ply", ply().into_bytes()),
@@ -223,7 +213,7 @@ fn processed_apps_load_packed_captures() {
     folder.write("cropped.ply.meta", documented.unwrap().replace("depth: 8", "depth: 6"));
     let names = ["cross.ply", "cross.gltf", "cropped.ply", "plain.splat"];
     let damaged = ["alone.gltf", "damaged.ply", "damaged.splat"];
-    let mut processor = app(&folder.0, Files::Processor);
+    let mut processor = app(folder.0.path(), Files::Processor);
     let fields = load(&mut processor, names).map(Result::unwrap);
     // The processor logs what is wrong. The app finds nothing processed.
     assert!(load(&mut processor, damaged).iter().all(Result::is_err));
@@ -235,12 +225,12 @@ fn processed_apps_load_packed_captures() {
     // Without a `.meta` file, there are the default settings.
     assert!(fields[3].depth() == 8 && plain.0.z.abs() < 0.1 && size(plain).x > 2.4, "{plain:?}");
 
-    fs::remove_dir_all(folder.0.join("source")).unwrap();
+    fs::remove_dir_all(folder.0.path().join("source")).unwrap();
     let all =
         |field: &PlenOctree| (field.nodes().to_vec(), field.densities().to_vec(), field.coefficients().into_owned());
-    let shipped = load(&mut app(&folder.0, Files::Processed), names).map(Result::unwrap);
+    let shipped = load(&mut app(folder.0.path(), Files::Processed), names).map(Result::unwrap);
     for ((name, shipped), field) in names.into_iter().zip(shipped).zip(fields) {
-        assert!(fs::read(folder.0.join("processed").join(name)).unwrap().starts_with(b"\x89PLO"), "{name}");
+        assert!(fs::read(folder.0.path().join("processed").join(name)).unwrap().starts_with(b"\x89PLO"), "{name}");
         assert!(shipped.codebook().is_some() && all(&shipped) == all(&field), "{name}");
     }
 }
@@ -248,7 +238,7 @@ fn processed_apps_load_packed_captures() {
 /// Apps without the asset processor load captures as they are, and say why others fail.
 #[test]
 fn apps_load_captures() {
-    let folder = Folder::new("unprocessed");
+    let folder = Folder::new();
     let (document, numbers) = gltf();
     folder.write("cross.ply", ply());
     folder.write("cross.gltf", &document);
@@ -260,7 +250,7 @@ fn apps_load_captures() {
         folder.write(name, meta);
     }
     let names = ["cross.ply", "cross.gltf", "alone.gltf"];
-    let [cross, gltf, alone] = load(&mut app(&folder.0, Files::Sources), names);
+    let [cross, gltf, alone] = load(&mut app(folder.0.path(), Files::Sources), names);
     let (cross, gltf) = (cross.unwrap(), gltf.unwrap());
     assert!(cross.codebook().is_none() && cross.bounds().unwrap().0.z.abs() < 0.1);
     assert!((gltf.leaves() as f64 / cross.leaves() as f64 - 1.0).abs() < 0.01);

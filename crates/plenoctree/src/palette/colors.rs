@@ -473,9 +473,8 @@ mod tests {
     /// A palette that cannot be written leaves the old file unchanged, and no other file.
     #[test]
     fn a_failed_write_loses_nothing() {
-        let folder = std::env::temp_dir().join(format!("plenoctree-palette-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        let path = folder.join("x.palette.json");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.palette.json");
         let palette = Palette::new(vec![[0.5; 3]; 2]).unwrap();
         palette.write(&path).unwrap();
         let invalid = Palette { weights: vec![], ..palette.clone() };
@@ -485,7 +484,6 @@ mod tests {
         }
         assert_eq!(Palette::read(&path).unwrap(), palette);
         assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
-        std::fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]

@@ -223,12 +223,12 @@ fn written_files_come_back_as_they_were() {
 
 #[test]
 fn files_on_disk_come_back_too() {
-    let path = std::env::temp_dir().join(format!("bevy_plenoctree-{}.npz", std::process::id()));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.npz");
     let field = read(&example(Basis::Sh4).stored()).unwrap();
     field.write(&path).unwrap();
-    let again = PlenOctree::read(&path, &LoadSettings::default());
+    assert_same(&field, &PlenOctree::read(&path, &LoadSettings::default()).unwrap(), "on disk");
     std::fs::remove_file(&path).unwrap();
-    assert_same(&field, &again.unwrap(), "on disk");
     let error = PlenOctree::read(&path, &LoadSettings::default()).unwrap_err();
     assert!(matches!(error.fault, ReadFault::Io(_)) && error.to_string().contains(".npz: "), "{error}");
 }
@@ -323,28 +323,25 @@ fn even_fields_come_back() {
 /// A field that cannot be written leaves the old file unchanged, and no other file.
 #[test]
 fn a_failed_write_loses_nothing() {
-    let folder = std::env::temp_dir().join(format!("bevy_plenoctree-write-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let path = folder.join("x.npz");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.npz");
     let field = read(&example(Basis::Sh4).stored()).unwrap();
     field.write(&path).unwrap();
     let frame = Frame { offset: DVec3::ZERO, scale: DVec3::new(1.0, 1.0, 1e200) };
     assert!(matches!(one_leaf(1.0, frame).write(&path), Err(WriteError::Frame { .. })));
     assert_same(&field, &PlenOctree::read(&path, &LoadSettings::default()).unwrap(), "after the failure");
     assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
-    std::fs::remove_dir_all(&folder).unwrap();
 }
 
 /// Whoever has opened an old file still reads all of it: a new one takes its place, and its own bytes stay.
 #[test]
 fn files_are_replaced_and_not_overwritten() {
-    let folder = std::env::temp_dir().join(format!("bevy_plenoctree-replace-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
+    let folder = tempfile::tempdir().unwrap();
     let fields = [0.5, 0.25].map(|density| one_leaf(density, Frame::spanning(DVec3::ZERO, DVec3::ONE)));
     let packed =
         fields.each_ref().map(|field| Packed::new(field, &PackSettings::default(), &Progress::default()).unwrap());
     let palettes = [0.5, 0.25].map(|color| Palette::new(vec![[color; 3]]).unwrap());
-    let (path, old) = (folder.join("file"), folder.join("old"));
+    let (path, old) = (folder.path().join("file"), folder.path().join("old"));
     let write: [(&str, &dyn Fn(usize)); 4] = [
         ("a field", &|index| fields[index].write(&path).unwrap()),
         ("a packed field", &|index| packed[index].write(&path).unwrap()),
@@ -361,7 +358,6 @@ fn files_are_replaced_and_not_overwritten() {
         std::fs::remove_file(&old).unwrap();
         assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1, "{what}");
     }
-    std::fs::remove_dir_all(&folder).unwrap();
 }
 
 /// The numbers of an array of an archive.

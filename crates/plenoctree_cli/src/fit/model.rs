@@ -195,8 +195,7 @@ mod tests {
     }
 
     fn photograph_cube(size: f32) {
-        let folder = std::env::temp_dir().join(format!("plenoctree_model_{}_{size}", std::process::id()));
-        files::create_folder(&folder).unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let corners: Vec<[f32; 3]> = (0..8)
             .map(|c| [2.0 + (c & 1) as f32, (c >> 1 & 1) as f32, (c >> 2) as f32].map(|value| size * value))
             .collect();
@@ -205,7 +204,7 @@ mod tests {
         ];
         let mut buffer: Vec<u8> = corners.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
         buffer.extend(faces.iter().flat_map(|index| index.to_le_bytes()));
-        std::fs::write(folder.join("cube.bin"), &buffer).unwrap();
+        std::fs::write(folder.path().join("cube.bin"), &buffer).unwrap();
         let gltf = json!({
             "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
             "materials": [{ "pbrMetallicRoughness": { "baseColorFactor": [1.0, 0.0, 0.0, 1.0], "metallicFactor": 0.0 } }],
@@ -218,13 +217,13 @@ mod tests {
                 { "bufferView": 1, "componentType": 5123, "count": 36, "type": "SCALAR" },
             ],
         });
-        let model = folder.join("cube.gltf");
+        let model = folder.path().join("cube.gltf");
         std::fs::write(&model, gltf.to_string()).unwrap();
-        let transforms = photograph(&model, &folder.join("pictures"), 3, 24).unwrap();
+        let transforms = photograph(&model, &folder.path().join("pictures"), 3, 24).unwrap();
         let cameras = plenoctree_fit::read_transforms(&transforms, Some((48, 48))).unwrap();
         assert_eq!(cameras.len(), 3);
         for (view, camera) in cameras.iter().enumerate() {
-            let picture = image::open(folder.join(format!("pictures/view_{view:03}.png"))).unwrap().into_rgba8();
+            let picture = image::open(folder.path().join(format!("pictures/view_{view:03}.png"))).unwrap().into_rgba8();
             for (x, y, pixel) in picture.enumerate_pixels() {
                 // The cube in the frame of the cameras, whose z is the model's y.
                 let (origin, direction) = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -243,8 +242,7 @@ mod tests {
             }
         }
         std::fs::write(&model, "{}").unwrap();
-        let error = photograph(&model, &folder.join("pictures"), 3, 24).unwrap_err().to_string();
+        let error = photograph(&model, &folder.path().join("pictures"), 3, 24).unwrap_err().to_string();
         assert!(error.contains("cube.gltf") && error.lines().count() == 1, "{error}");
-        std::fs::remove_dir_all(folder).unwrap();
     }
 }

@@ -336,12 +336,6 @@ mod tests {
         extraction: ExtractionArguments,
     }
 
-    fn folder(test: &str) -> PathBuf {
-        let folder = std::env::temp_dir().join(format!("plenoctree-output-{test}-{}", std::process::id()));
-        fs::create_dir_all(&folder).unwrap();
-        folder
-    }
-
     /// A field in which nothing is visible.
     fn field() -> PlenOctree {
         let settings = BakeSettings { depth: 2, basis: Basis::Rgba, directions: 8, ..Default::default() };
@@ -386,13 +380,13 @@ mod tests {
     #[cfg(unix)]
     #[test]
     fn what_is_beside_a_field_is_not_lost() {
-        let folder = folder("beside");
-        let (out, linked) = (folder.join("b.npz"), folder.join("store/linked.npz"));
-        fs::create_dir_all(folder.join("b.views/a-png.png")).unwrap();
-        fs::create_dir_all(folder.join("store")).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let (out, linked) = (folder.path().join("b.npz"), folder.path().join("store/linked.npz"));
+        fs::create_dir_all(folder.path().join("b.views/a-png.png")).unwrap();
+        fs::create_dir_all(folder.path().join("store")).unwrap();
         fs::write(&linked, "former").unwrap();
         std::os::unix::fs::symlink("store/linked.npz", &out).unwrap();
-        write(&folder.join("a.npz"), &field(), None, &[], &json!({ "of": "a" })).unwrap();
+        write(&folder.path().join("a.npz"), &field(), None, &[], &json!({ "of": "a" })).unwrap();
         let preview = Comparison {
             name: "a.png".into(),
             width: 1,
@@ -402,38 +396,36 @@ mod tests {
             ..Comparison::default()
         };
         write(&out, &field(), None, &[preview], &json!({ "of": "b" })).unwrap();
-        let report = |name: &str| -> Value { serde_json::from_slice(&fs::read(folder.join(name)).unwrap()).unwrap() };
+        let report =
+            |name: &str| -> Value { serde_json::from_slice(&fs::read(folder.path().join(name)).unwrap()).unwrap() };
         assert_eq!([&report("report.json.old")["of"], &report("report.json")["of"]], ["a", "b"]);
-        assert!(out.is_symlink() && fs::read(&linked).unwrap() == fs::read(folder.join("a.npz")).unwrap());
-        assert_eq!(fs::read_dir(folder.join("store")).unwrap().count(), 1);
-        fs::remove_dir_all(&folder).unwrap();
+        assert!(out.is_symlink() && fs::read(&linked).unwrap() == fs::read(folder.path().join("a.npz")).unwrap());
+        assert_eq!(fs::read_dir(folder.path().join("store")).unwrap().count(), 1);
     }
 
     /// A field of which packing would leave nothing is packed all the same.
     #[test]
     fn fields_that_cannot_be_packed_are_not_lost() {
-        let folder = folder("unpacked");
-        let out = folder.join("haze.plenoctree");
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("haze.plenoctree");
         let (min, max) = (glam::DVec3::splat(-0.1), glam::DVec3::splat(0.1));
         let settings = BakeSettings { depth: 2, min, max, basis: Basis::Rgba, directions: 8, ..Default::default() };
         let haze = bake(&settings, |_| 0.02, |_| |_| glam::DVec3::ONE).unwrap();
         assert_eq!(write(&out, &haze, None, &[], &json!({})).unwrap(), haze.leaves());
-        assert!(out.exists() && !folder.join("haze.npz").exists());
-        fs::remove_dir_all(&folder).unwrap();
+        assert!(out.exists() && !folder.path().join("haze.npz").exists());
     }
 
     /// A field in which nothing is visible has no palette, but it is written, without the palette of another one.
     #[test]
     fn fields_without_a_palette_are_written() {
-        let (folder, field) = (folder("empty"), field());
-        let out = folder.join("solid.npz");
-        fs::write(folder.join("solid.palette.json"), "another").unwrap();
+        let (folder, field) = (tempfile::tempdir().unwrap(), field());
+        let out = folder.path().join("solid.npz");
+        fs::write(folder.path().join("solid.palette.json"), "another").unwrap();
         let palette = palette(&out, &field, &Arguments::parse_from(["test"]).extraction);
         assert!(palette.is_none());
         check(&out, &[], &Arguments::parse_from(["test"]).extraction).unwrap();
         write(&out, &field, palette.as_ref(), &[], &Value::Null).unwrap();
         let names: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-        fs::remove_dir_all(&folder).unwrap();
         assert!(names.len() == 3 && names.contains(&"solid.npz".into()), "{names:?}");
         assert!(names.contains(&"solid.palette.json.old".into()), "{names:?}");
     }

@@ -262,11 +262,11 @@ fn leaves_of_many_sizes_pass_through_everything() {
     let field = voxelize(&splats, &VoxelSettings { depth: 8, leaves: 40_000, ..Default::default() }).unwrap();
     let sizes = |field: &PlenOctree| field.leaf_cells().map(|cell| cell.size).collect::<Vec<_>>();
     assert!((0..3).all(|level| sizes(&field).contains(&(1 << level))));
-    let path = std::env::temp_dir().join(format!("plenoctree-sizes-{}.npz", std::process::id()));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.npz");
     field.write(&path).unwrap();
     let settings = LoadSettings { density_threshold: 0.0, ..Default::default() };
     let read = PlenOctree::read(&path, &settings).unwrap();
-    std::fs::remove_file(&path).unwrap();
     assert!(read.leaf_cells().eq(field.leaf_cells()) && read.coefficients() == field.coefficients());
     // Files store half floats.
     assert!(read.densities().iter().zip(field.densities().iter()).all(|(a, b)| (a / b - 1.0).abs() < 1e-3));
@@ -467,7 +467,8 @@ fn wide_gaussians_are_whole_at_every_depth() {
 /// Files are read with all leaves that are written, in whatever unit the capture is.
 #[test]
 fn files_keep_every_leaf() {
-    let path = std::env::temp_dir().join(format!("plenoctree-units-{}.npz", std::process::id()));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.npz");
     for (depth, unit) in [(6, 0.01), (7, 0.01), (6, 1.0), (6, 10.0), (7, 1000.0)] {
         let mut splats = Splats::new(0);
         for (scale, opacity) in [(0.3, 0.2), (0.05, 0.9)] {
@@ -481,5 +482,4 @@ fn files_keep_every_leaf() {
         let read = PlenOctree::read(&path, &LoadSettings::default()).unwrap();
         assert_eq!(read.leaves(), field.leaves(), "depth {depth}, {unit} units");
     }
-    std::fs::remove_file(&path).unwrap();
 }

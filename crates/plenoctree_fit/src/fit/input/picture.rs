@@ -228,7 +228,8 @@ mod tests {
     /// The orientation is what EXIF data says, in JPEG and PNG files, and none without it.
     #[test]
     fn orientations_are_read() {
-        let path = std::env::temp_dir().join(format!("plenoctree-orientation-{}", std::process::id()));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture");
         let written = |bytes: &[u8]| {
             fs::write(&path, bytes).unwrap();
             orientation(&path)
@@ -251,7 +252,6 @@ mod tests {
             assert_eq!(written(&[&[0xff, 0xd8][..], &segment, &frame, &scan].concat()), expected);
             assert_eq!(written(&[&[0xff, 0xd8][..], &frame, &scan].concat()), Orientation::NoTransforms);
         }
-        fs::remove_file(&path).unwrap();
     }
 
     /// Sides of scaled copies are rounded, up or down. Other sizes are not those of a copy.
