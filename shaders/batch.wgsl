@@ -14,7 +14,9 @@ const SPACING: u32 = 2u;
 const PIXELS_OF_GAP: u32 = SPACING * SPACING - 1u;
 // The pixels along a side of the square whose elements form a batch, and of the one in which it is drawn. Matches `BATCH` in
 // `slot.rs`.
-const BATCH: u32 = 32u;
+const BATCH: u32 = 16u;
+// The words of a list that say which pixels of a square are in a batch, a bit each.
+const WORDS_OF_BATCH: u32 = BATCH * BATCH / 32u;
 // The gaps along a side of that square.
 const GAPS_ACROSS: u32 = BATCH / SPACING;
 // The largest number of gaps in a batch.
@@ -51,20 +53,25 @@ fn batch_of(pixel: vec2<u32>, list: u32) -> u32 {
     return (list * all.y + square.y) * all.x + square.x;
 }
 
-// Returns the pixel within the square of a batch in which the element `index` of the batch is drawn. Eight elements are
-// a block of 4 x 2 pixels, as they are marched together.
+// Returns the pixel within the square of a batch in which the element `index` of the batch is drawn: along the Z-order
+// curve, so that neighbors are marched together, and as few blocks of pixels as possible are drawn.
 fn place_in_batch(index: u32) -> vec2<u32> {
-    let block = index >> 3u;
-    return vec2(4u * (block & 7u) + (index & 3u), 2u * (block >> 3u) + ((index >> 2u) & 1u));
+    var bits = vec2(index, index >> 1u) & vec2(0x155u);
+    bits = (bits | (bits >> vec2(1u))) & vec2(0x133u);
+    bits = (bits | (bits >> vec2(2u))) & vec2(0x10fu);
+    return (bits | (bits >> vec2(4u))) & vec2(0x1fu);
 }
 
 // Returns the element that is drawn in a pixel within the square of a batch.
 fn index_in_batch(place: vec2<u32>) -> u32 {
-    let block = (place.y >> 1u) * 8u + (place.x >> 2u);
-    return (block << 3u) | ((place.y & 1u) << 2u) | (place.x & 3u);
+    var bits = (place | (place << vec2(4u))) & vec2(0x10fu);
+    bits = (bits | (bits << vec2(2u))) & vec2(0x133u);
+    bits = (bits | (bits << vec2(1u))) & vec2(0x155u);
+    return bits.x | (bits.y << 1u);
 }
 
-// Returns the number of rows of pixels in which `count` elements are drawn.
-fn rows_of_batch(count: u32) -> u32 {
-    return min(2u * ((count + 63u) / 64u), BATCH);
+// Returns the size of the pixels in which `count` elements are drawn.
+fn size_of_batch(count: u32) -> vec2<u32> {
+    let bits = 32u - countLeadingZeros(count - 1u);
+    return vec2(1u << ((bits + 1u) / 2u), 1u << (bits / 2u));
 }

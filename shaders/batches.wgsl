@@ -1,8 +1,10 @@
-// Two triangles over the pixels of each batch, for the passes that march rays for them.
+// A triangle over the pixels of each batch, or two if one that covers them would be larger than the square of the batch,
+// for the passes that march rays for them. Along the edge between two triangles, both are shaded in the same blocks of
+// pixels, and small batches would be marched almost twice.
 
-#import bevy_plenoctree::batch::{BATCH, PIXELS_OF_GAP, batch_of, batches, counts, list_of, rows_of_batch}
+#import bevy_plenoctree::batch::{BATCH, PIXELS_OF_GAP, batch_of, batches, counts, list_of, size_of_batch}
 #import bevy_plenoctree::prop_ray::Varying
-#import bevy_plenoctree::view::{NOWHERE, first_drawn}
+#import bevy_plenoctree::view::{NOWHERE, first_drawn, props}
 
 // Corners of the unit square (bits x, y).
 const CORNERS = array<u32, 6>(0u, 1u, 2u, 2u, 1u, 3u);
@@ -11,25 +13,31 @@ const CORNERS = array<u32, 6>(0u, 1u, 2u, 2u, 1u, 3u);
 @vertex
 fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Varying {
     let prop = instance & 0xffffu;
-    let all = batches();
-    let square = vec2(index / 6u % all.x, index / 6u / all.x);
+    let squares = batches();
 #ifdef BATCHED
+    // Those that may have pixels of the prop.
     let list = 0u;
+    let first = vec2(props[prop].first_batch % squares.x, props[prop].first_batch / squares.x);
+    let across = props[prop].batches_across;
 #else
+    // Those of all props of a field.
     let list = list_of(prop, #{PART}u);
+    let first = vec2(0u);
+    let across = squares.x;
 #endif
-    let count = counts[batch_of(BATCH * square, list)];
-    if first_drawn > 0u || count == 0u {
+    let square = first + vec2(index / 6u % across, index / 6u / across);
+    var count = counts[batch_of(BATCH * square, list)];
+#ifdef BATCHED
+    count *= PIXELS_OF_GAP;
+#endif
+    let drawn = size_of_batch(count);
+    let is_one = all(2u * drawn <= vec2(BATCH));
+    if first_drawn > 0u || count == 0u || (is_one && index % 6u >= 3u) {
         return Varying(NOWHERE, prop, 0u);
     }
     var corners = CORNERS;
     let corner = vec2(corners[index % 6u] & 1u, corners[index % 6u] >> 1u);
-#ifdef BATCHED
-    let rows = rows_of_batch(count * PIXELS_OF_GAP);
-#else
-    let rows = rows_of_batch(count);
-#endif
-    let at = vec2<f32>(BATCH * square + corner * vec2(BATCH, rows));
-    let size = vec2<f32>(BATCH * all);
+    let at = vec2<f32>(BATCH * square + corner * select(drawn, 2u * drawn, is_one));
+    let size = vec2<f32>(BATCH * squares);
     return Varying(vec4((2.0 * at / size - 1.0) * vec2(1.0, -1.0), 0.5, 1.0), prop, instance >> 16u);
 }

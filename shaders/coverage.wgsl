@@ -1,7 +1,7 @@
 // The coverage pass: marches several rays through each pixel at the edge of a posterized prop where opacity does not show
 // enough, to find which part of the pixel the prop covers, and its color there.
 
-#import bevy_plenoctree::batch::{BATCH, batch_of, counts, index_in_batch, list_of}
+#import bevy_plenoctree::batch::{BATCH, WORDS_OF_BATCH, batch_of, counts, index_in_batch, list_of}
 #import bevy_plenoctree::color::{premultiplied_tinted, to_half}
 #import bevy_plenoctree::edge::{
     FAINTEST, RAYS, neighbor, offset_of_four, ray_offset, rays_of, sample_of, thinned, word_at, word_of,
@@ -235,25 +235,26 @@ fn without(color: Color, rays: u32) -> Color {
 
 // Returns the pixel of an element of a batch, in the batch's square: that of the bit `index` of those that are set.
 fn listed(batch: u32, index: u32) -> vec2<u32> {
-    var row = 0u;
-    var word = edges[batch * BATCH];
+    var place = 0u;
+    var word = edges[batch * WORDS_OF_BATCH];
     var rest = index;
     loop {
         let bits = countOneBits(word);
-        if rest < bits || row + 1u == BATCH {
+        if rest < bits || place + 1u == WORDS_OF_BATCH {
             break;
         }
         rest -= bits;
-        row += 1u;
-        word = edges[batch * BATCH + row];
+        place += 1u;
+        word = edges[batch * WORDS_OF_BATCH + place];
     }
-    var column = 0u;
-    for (var half = BATCH / 2u; half > 0u; half >>= 1u) {
-        let below = countOneBits((word >> column) & ((1u << half) - 1u));
-        column += select(0u, half, rest >= below);
+    var bit = 0u;
+    for (var half = 16u; half > 0u; half >>= 1u) {
+        let below = countOneBits((word >> bit) & ((1u << half) - 1u));
+        bit += select(0u, half, rest >= below);
         rest -= select(0u, below, rest >= below);
     }
-    return vec2(column, row);
+    let pixel = 32u * place + bit;
+    return vec2(pixel % BATCH, pixel / BATCH);
 }
 
 @fragment

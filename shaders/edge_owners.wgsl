@@ -2,7 +2,7 @@
 // rays for the coverage pass.
 #define_import_path bevy_plenoctree::edge_owners
 
-#import bevy_plenoctree::batch::{BATCH, batch_of, list_of}
+#import bevy_plenoctree::batch::{BATCH, WORDS_OF_BATCH, batch_of, list_of}
 #import bevy_plenoctree::color::to_half
 #import bevy_plenoctree::edge::{
     MASK_OF_EDGES, MASK_OF_PROPS, RAYS, neighbor, ray_offset, sample_of, thinned, word_at, word_of,
@@ -128,7 +128,8 @@ fn edge_at(
 fn list(pixel: vec2<u32>, prop: u32, part: u32) {
     let batch = batch_of(pixel, list_of(prop, part));
     atomicAdd(&counts[batch], 1u);
-    atomicOr(&edges[batch * BATCH + pixel.y % BATCH], 1u << (pixel.x % BATCH));
+    let bit = pixel.y % BATCH * BATCH + pixel.x % BATCH;
+    atomicOr(&edges[batch * WORDS_OF_BATCH + bit / 32u], 1u << (bit % 32u));
 }
 
 #ifdef ESTIMATES

@@ -122,9 +122,13 @@ fn bordered(pixel: vec2<i32>, own: vec2<u32>, prop: u32, light: Light) -> vec3<f
     var is_seam = vec4(false);
     var apart: array<vec4<f32>, 5>;
     for (var i = 0u; i < select(0u, 5u, count > 2u || farther != NO_LABEL); i++) {
-        for (var k = 0u; k < 4u; k++) {
-            apart[i][k] = distance(places[i], places[k]);
-        }
+        let there = places[i];
+        apart[i] = vec4(
+            distance(there, places[0]),
+            distance(there, places[1]),
+            distance(there, places[2]),
+            distance(there, places[3]),
+        );
         for (var k = 0u; k < i; k++) {
             let direct = apart[i][k];
             let longest = min(DETOUR * direct, sqrt(direct * direct + 4.0 * ASIDE * ASIDE));

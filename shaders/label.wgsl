@@ -65,10 +65,11 @@ fn former_labels(prop: u32, at: vec2<f32>, depth: f32, label: u32) -> Former {
     for (var i = 0; i < 4; i++) {
         let there = corner + vec2(f32(i & 1), f32(i >> 1));
         found.labels[i] = former_label(prop, there, before.z);
-        let along = 1.0 - abs(place - there);
-        found.weights[i] = along.x * along.y;
         is_new = is_new && found.labels[i] != label + 2u;
     }
+    let after = place - corner;
+    let here = 1.0 - after;
+    found.weights = vec4(here.x, after.x, here.x, after.x) * vec4(here.yy, after.yy);
     // The others have no weight, and only say whether the label is new around the point.
     let aside = corner + select(vec2(-1.0), vec2(2.0), place - corner >= vec2(0.5));
     let first = min(corner.x, aside.x);

@@ -32,6 +32,9 @@ struct Prop {
     previous_from_clip: mat4x4<f32>,
     // The number of its field and level, among those of props with smooth edges.
     field: u32,
+    // The first of the batches that may have pixels of its box, and how many there are in a row.
+    first_batch: u32,
+    batches_across: u32,
 }
 
 // Which edges of a posterized prop are smooth: none, its silhouette, or the edges of slits too.

@@ -81,8 +81,8 @@ fn main() -> Result {
         (1.5, sampling::measure),
         (2.0, |_| arrival::measure()),
         (3.0, frames::passes),
-        (4.5, presets::measure),
-        (5.5, shadows::measure),
+        (5.5, presets::measure),
+        (6.0, shadows::measure),
         (9.5, frames::measure),
     ];
     for (name, (end, measure)) in TABLES.into_iter().zip(tables) {

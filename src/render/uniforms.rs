@@ -37,6 +37,9 @@ pub(super) struct PropUniform {
     previous_from_clip: Mat4,
     /// The number of its field and level, among those of props with smooth edges.
     pub field: u32,
+    /// The first of the batches that may have pixels of its box, and how many there are in a row.
+    pub first_batch: u32,
+    pub batches_across: u32,
 }
 
 /// Which edges of a prop are smooth. Matches `view.wgsl`.

@@ -157,8 +157,7 @@ fn key(result: CachedResult, passes: &[Pass], textures: &Textures, buffers: &Vie
         (pass.name, pass.group, &pass.reads, &pass.stores, &pass.writes, pass.depth, pass.samples, &pass.programs)
             .hash(&mut hasher);
         for draw in &pass.draws {
-            (draw.program, &draw.vertices, draw.instance, draw.scissor.map(|rect| (rect.min, rect.max)))
-                .hash(&mut hasher);
+            (draw.program, &draw.vertices, draw.instance).hash(&mut hasher);
             draw.field.as_ref().map(|field| field.id()).hash(&mut hasher);
         }
         // What it draws may be listed by a pass of a later result.

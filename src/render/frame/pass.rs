@@ -6,7 +6,7 @@ use bevy::{
     shader::{Shader, ShaderDefVal},
 };
 
-use super::slot::{BATCH, RaySet, Slot, batches};
+use super::slot::{RaySet, Slot};
 use crate::{
     gpu::TreeShape,
     render::plan::{Feature, Plan, PlannedProp},
@@ -264,8 +264,6 @@ pub(in crate::render) struct Draw {
     pub field: Option<BindGroup>,
     pub vertices: std::ops::Range<u32>,
     pub instance: u32,
-    /// The pixels that it may write, in the attachments. All that are drawn if `None`.
-    pub scissor: Option<URect>,
 }
 
 impl Draw {
@@ -275,14 +273,12 @@ impl Draw {
     }
 
     pub fn triangle(program: usize) -> Self {
-        Self { program, field: None, vertices: 0..3, instance: 0, scissor: None }
+        Self { program, field: None, vertices: 0..3, instance: 0 }
     }
 
-    /// Draws the batches that have some of these pixels, if there are any. See `batches.wgsl`.
-    pub fn of_batches(self, plan: &Plan, pixels: URect) -> Option<Self> {
-        let (low, high) = (pixels.min / BATCH, batches(pixels.max));
-        let of_row = 6 * batches(plan.rect.size).x;
-        let scissor = Some(URect { min: BATCH * low, max: BATCH * high });
-        (!pixels.is_empty()).then_some(Self { vertices: low.y * of_row..high.y * of_row, scissor, ..self })
+    /// Draws so many batches along each axis, if there are any. See `batches.wgsl`.
+    pub fn of_batches(self, batches: UVec2) -> Option<Self> {
+        let vertices = 0..6 * batches.element_product();
+        (!vertices.is_empty()).then_some(Self { vertices, ..self })
     }
 }

@@ -228,22 +228,15 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
     });
     let (corner, size) = (area.min.as_vec2(), area.size().as_vec2());
     recorded.set_viewport(corner.x, corner.y, size.x, size.y, 0.0, 1.0);
-    let scissor = |recorded: &mut bevy::render::render_phase::TrackedRenderPass, part: URect| {
-        recorded.set_scissor_rect(part.min.x, part.min.y, part.width(), part.height());
-    };
+    recorded.set_scissor_rect(area.min.x, area.min.y, area.width(), area.height());
     // Without lights in the scene, nothing is blocked.
     let (group, offsets) = first.as_ref()?;
     recorded.set_bind_group(0, group, offsets);
     if let (true, Some(id)) = (may_keep, pass.pipelines.get(pass.programs.len())) {
-        scissor(&mut recorded, area);
         recorded.set_render_pipeline(cache.get_render_pipeline(*id)?);
         recorded.draw(0..3, 0..1);
     }
     for draw in &pass.draws {
-        let part = draw.scissor.map_or(area, |part| part.intersect(area));
-        if part.is_empty() {
-            continue;
-        }
         let program = pass.programs.get(draw.program)?;
         recorded.set_render_pipeline(cache.get_render_pipeline(*pass.pipelines.get(draw.program)?)?);
         let mut next = 1;
@@ -256,7 +249,6 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
                 recorded.set_bind_group(index, group, &[]);
             }
         }
-        scissor(&mut recorded, part);
         recorded.draw(draw.vertices.clone(), draw.instance..draw.instance + 1);
     }
     Some(())

@@ -6,7 +6,7 @@ use bevy::{
     render::render_resource::TextureFormat,
 };
 
-use crate::render::plan::{Plan, SPACING};
+use crate::render::plan::{BATCH, Plan, SPACING, batches};
 
 /// A texture or a buffer that passes read or draw to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -22,7 +22,7 @@ pub(in crate::render) enum Slot {
     BatchCounts,
     /// The places of gaps in the squares of their batches.
     BatchGaps,
-    /// Where these pixels are in the squares of their batches: a word per row, a bit per pixel, one list after another.
+    /// Where these pixels are in the squares of their batches: row by row, a bit per pixel, one list after another.
     BatchEdges,
     /// The colors of the scene, as passes read them in the camera's target.
     Scene,
@@ -174,13 +174,7 @@ impl Slot {
     }
 }
 
-/// The pixels along a side of the square whose gaps or edges form a batch, and of the one in which it is drawn. Matches
-/// `batch.wgsl`.
-pub(in crate::render) const BATCH: u32 = 32;
 /// The largest number of gaps in a batch.
 pub(super) const MOST_GAPS: u32 = (BATCH / SPACING).pow(2);
-
-/// Returns the numbers of batches for `size` pixels, along each axis.
-pub(in crate::render) fn batches(size: UVec2) -> UVec2 {
-    (size + BATCH - 1) / BATCH
-}
+/// The words that say which pixels of a square are in a batch.
+pub(super) const WORDS_OF_BATCH: u32 = BATCH * BATCH / 32;

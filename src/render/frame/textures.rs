@@ -11,9 +11,12 @@ use bevy::{
 
 use super::{
     pass::Pass,
-    slot::{BATCH, MOST_GAPS, Slot, batches},
+    slot::{MOST_GAPS, Slot, WORDS_OF_BATCH},
 };
-use crate::{gpu::Allocator, render::plan::Plan};
+use crate::{
+    gpu::Allocator,
+    render::plan::{BATCH, Plan, batches},
+};
 
 #[derive(Default)]
 pub(in crate::render) struct Textures {
@@ -85,7 +88,7 @@ impl Textures {
             Slot::Scene | Slot::Target | Slot::TargetDepth | Slot::PrepassMotion => true,
             Slot::BatchCounts => self.create_buffer(device, slot, lists * batches),
             Slot::BatchGaps => self.create_buffer(device, slot, batches * MOST_GAPS),
-            Slot::BatchEdges => self.create_buffer(device, slot, lists * batches * BATCH),
+            Slot::BatchEdges => self.create_buffer(device, slot, lists * batches * WORDS_OF_BATCH),
             Slot::Coverage => self.create_buffer(device, slot, self.size.element_product()),
             _ => self.create_texture(device, slot, plan),
         }

@@ -12,7 +12,7 @@ use crate::{
     gpu::field_definitions,
     render::{
         frame::{CachedResult, Draw, FirstGroup, Pass, Place, Program, Slot},
-        plan::{Feature, Plan},
+        plan::{Feature, Plan, batches},
         uniforms::Smooths,
     },
 };
@@ -94,9 +94,8 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         });
         // The pixels of all props of a field are drawn at once.
         index_of(&mut fields, prop.field.id(), || {
-            let all = URect { min: UVec2::ZERO, max: plan.rect.size };
-            let field = Some(prop.field.clone());
-            draws.extend(Draw { field, instance: index as u32, ..Draw::triangle(program) }.of_batches(plan, all));
+            let draw = Draw { field: Some(prop.field.clone()), instance: index as u32, ..Draw::triangle(program) };
+            draws.extend(draw.of_batches(batches(plan.rect.size)));
         });
     }
     let place = if plan.composite_outlines() { Place::Posterize } else { Place::Layer };

@@ -78,7 +78,7 @@ pub(super) fn solid(plan: &Plan, rays: RaySet) -> Vec<Pass> {
                 pass.programs
                     .push(program.define_if(round > 0, "SECOND_ROUND").depth_test(CompareFunction::Greater, true));
             });
-            pass.draws.extend(draw(plan, rays, prop, program, index as u32));
+            pass.draws.extend(draw(rays, prop, program, index as u32));
         }
         pass
     };
@@ -93,7 +93,7 @@ pub(super) fn volume(plan: &Plan, rays: RaySet) -> Pass {
     for piece in pieces {
         for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| piece.is_of(prop)) {
             let program = index_of(&mut kinds, prop.kind, || pass.programs.push(volume_program(plan, rays, prop.kind)));
-            pass.draws.extend(draw(plan, rays, prop, program, index as u32 | (*piece as u32) << 16));
+            pass.draws.extend(draw(rays, prop, program, index as u32 | (*piece as u32) << 16));
         }
     }
     pass
@@ -170,9 +170,9 @@ fn through(program: Program, rays: RaySet, shape: FieldShape) -> Program {
 }
 
 /// Returns what draws a prop: its box, or all batches that have pixels in it.
-fn draw(plan: &Plan, rays: RaySet, prop: &PlannedProp, program: usize, instance: u32) -> Option<Draw> {
-    let draw = Draw { program, field: Some(prop.field.clone()), vertices: BOX, instance, scissor: None };
-    if rays == RaySet::Batches { draw.of_batches(plan, prop.rect) } else { Some(draw) }
+fn draw(rays: RaySet, prop: &PlannedProp, program: usize, instance: u32) -> Option<Draw> {
+    let draw = Draw { program, field: Some(prop.field.clone()), vertices: BOX, instance };
+    if rays == RaySet::Batches { draw.of_batches(prop.batches().1) } else { Some(draw) }
 }
 
 /// Returns the index of a key in a list. Appends it if it is new, and calls `add`.

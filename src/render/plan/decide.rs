@@ -5,7 +5,7 @@ use std::hash::{BuildHasher, Hash, Hasher};
 use super::{
     motion::{Former, FormerProp, Motion},
     overlap::overlaps,
-    view::{Feature, Kind, Plan, PlannedProp, SPACING, Target},
+    view::{Feature, Kind, Plan, PlannedProp, SPACING, Target, batches},
 };
 use crate::{
     camera::PropPlacement,
@@ -156,6 +156,9 @@ pub(in crate::render) fn decide(known: &Known, missing: &[Feature], held: Option
             let previous = motion.previous_from_clip(seen.prop);
             let mut uniform =
                 PropUniform::new(seen.prop, &seen.rays, &rect, previous, quality, seen.posterize, prop.smooths);
+            let (first, size) = prop.batches();
+            uniform.first_batch = first.y * batches(rect.size).x + first.x;
+            uniform.batches_across = size.x;
             if prop.smooths != Smooths::Nothing {
                 let next = fields.len() as u32;
                 uniform.field = *fields.entry(prop.field.id()).or_insert(next);

@@ -8,4 +8,4 @@ mod view;
 
 pub(super) use ahead::{choose_levels, look_ahead};
 pub(super) use decide::{Known, decide};
-pub(super) use view::{Feature, Kind, Plan, PlannedProp, SPACING, drawn_viewport};
+pub(super) use view::{BATCH, Feature, Kind, Plan, PlannedProp, SPACING, batches, drawn_viewport};

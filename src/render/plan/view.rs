@@ -20,6 +20,14 @@ use crate::{
 
 /// Pixels per ray of the grid, along each axis, where rays are cast for some pixels only. Matches `batch.wgsl`.
 pub(in crate::render) const SPACING: u32 = 2;
+/// The pixels along a side of the square whose gaps or edges form a batch, and of the one in which it is drawn. Matches
+/// `batch.wgsl`.
+pub(in crate::render) const BATCH: u32 = 16;
+
+/// Returns the numbers of batches for `size` pixels, along each axis.
+pub(in crate::render) fn batches(size: UVec2) -> UVec2 {
+    (size + BATCH - 1) / BATCH
+}
 
 /// Everything that is decided about a frame of a view.
 #[derive(Clone, Default)]
@@ -113,6 +121,12 @@ impl PlannedProp {
     /// Returns whether it may hide others that it overlaps.
     pub fn may_hide(&self) -> bool {
         self.kind.overlaps && self.may_be_solid
+    }
+
+    /// Returns the first of the batches that may have pixels of its box, and their numbers along each axis.
+    pub fn batches(&self) -> (UVec2, UVec2) {
+        let first = self.rect.min / BATCH;
+        (first, batches(self.rect.max).saturating_sub(first))
     }
 }
 
