@@ -6,7 +6,7 @@ mod tiles;
 
 pub use project::SPLAT_BLUR;
 
-use glam::{DVec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 use plenoctree::camera::PinholeCamera;
 use rayon::prelude::*;
 
@@ -48,33 +48,43 @@ impl SplatImage {
 /// their own largest standard deviation are left out as well.
 pub fn render_splats(splats: &Splats, camera: &PinholeCamera) -> SplatImage {
     let (width, height) = (camera.width, camera.height);
-    SplatImage { width, height, pixels: draw(splats, camera, |_, _| ()) }
+    SplatImage {
+        width,
+        height,
+        pixels: draw(splats, camera, |index, direction| splats.color(index, direction), |_, _| ()),
+    }
 }
 
-/// Draws the capture like [`render_splats`], and calls `show` with the index of each Gaussian that is drawn and the sum
-/// of its weights in a tile of the image, in pixels: in any order, but with the same sums on any number of threads.
-pub(super) fn draw(splats: &Splats, camera: &PinholeCamera, show: impl Fn(u32, f32) + Sync) -> Vec<Vec4> {
+/// Draws the capture like [`render_splats`], in colors that may be others: `color` returns that of an index in a
+/// direction. Calls `show` with the index of each Gaussian that is drawn and the sum of its weights in a tile of the
+/// image, in pixels: in any order, but with the same sums on any number of threads.
+pub(super) fn draw(
+    splats: &Splats,
+    camera: &PinholeCamera,
+    color: impl Fn(usize, DVec3) -> Vec3 + Sync,
+    show: impl Fn(u32, f32) + Sync,
+) -> Vec<Vec4> {
     if camera.width == 0 || camera.height == 0 {
         return Vec::new();
     }
-    let mut projected: Vec<Projected> = (0..splats.len())
+    // The lines that each Gaussian reaches are apart from the rest, because every row of tiles looks at those of all.
+    let (lines, projected): (Vec<[f32; 2]>, Vec<Projected>) = (0..splats.len())
         .into_par_iter()
         .with_min_len(1024)
-        .filter_map(|index| project(splats, index, camera))
-        .collect();
-    // Depths are positive, so that their bits are in the same order. Ties are broken by the order of the file.
-    projected.par_sort_by_key(|gaussian| gaussian.depth.to_bits());
+        .filter_map(|index| project(splats, index, camera, &color))
+        .map(|gaussian| (gaussian.span(1), gaussian))
+        .unzip();
     let columns = camera.width as usize;
     let mut pixels = vec![Vec4::ZERO; columns * camera.height as usize];
     pixels.par_chunks_mut(columns * TILE).enumerate().for_each(|(row, pixels)| {
-        draw_row(&projected, row * TILE, columns, pixels, |gaussian, sum| show(gaussian.index, sum));
+        draw_row(&projected, &lines, row * TILE, columns, pixels, |gaussian, sum| show(gaussian.index, sum));
     });
     pixels
 }
 
 #[cfg(test)]
 mod tests {
-    use glam::{DMat2, DMat3, DMat4, DVec2, Quat, Vec3};
+    use glam::{DMat2, DMat3, DMat4, DVec2, Quat};
     use proptest::prelude::*;
 
     use super::*;

@@ -33,8 +33,20 @@ pub struct Projected {
     pub reach: Vec2,
 }
 
-/// Projects a Gaussian. Returns `None` if it cannot be in the image.
-pub fn project(splats: &Splats, index: usize, camera: &PinholeCamera) -> Option<Projected> {
+impl Projected {
+    /// Returns the lowest and the highest place along an axis where it is visible.
+    pub fn span(&self, axis: usize) -> [f32; 2] {
+        [self.center[axis] - self.reach[axis], self.center[axis] + self.reach[axis]]
+    }
+}
+
+/// Projects a Gaussian. Returns `None` if it cannot be in the image. `color` returns that of its index in a direction.
+pub fn project(
+    splats: &Splats,
+    index: usize,
+    camera: &PinholeCamera,
+    color: impl Fn(usize, DVec3) -> Vec3,
+) -> Option<Projected> {
     let gaussian = splats.gaussians()[index];
     if gaussian.opacity < FAINTEST {
         return None;
@@ -84,7 +96,7 @@ pub fn project(splats: &Splats, index: usize, camera: &PinholeCamera) -> Option<
         center: center.as_vec2(),
         conic: conic.as_vec3(),
         opacity,
-        color: splats.color(index, offset.normalize()),
+        color: color(index, offset.normalize()),
         square: square as f32,
         reach: reach.as_vec2(),
     })

@@ -25,10 +25,12 @@ struct Tile {
     open: [[usize; 2]; TILE],
 }
 
-/// Draws the row of tiles that starts at the line `top` of the image. `projected` is sorted from front to back. `show` is
-/// called with each Gaussian in a tile and the sum of its weights there, in pixels.
+/// Draws the row of tiles that starts at the line `top` of the image, from front to back. `reached` are the lines between
+/// which each Gaussian is visible. `show` is called with each Gaussian in a tile and the sum of its weights there, in
+/// pixels.
 pub fn draw_row(
     projected: &[Projected],
+    reached: &[[f32; 2]],
     top: usize,
     width: usize,
     pixels: &mut [Vec4],
@@ -36,22 +38,24 @@ pub fn draw_row(
 ) {
     let lines = pixels.len() / width;
     let (low, high) = (top as f32, (top + lines) as f32);
-    // Indices are less than 2^32: that many Gaussians would take 400 GB.
-    let in_row: Vec<u32> = (projected.iter().zip(0u32..))
-        .filter(|(gaussian, _)| {
-            gaussian.center.y + gaussian.reach.y >= low && gaussian.center.y - gaussian.reach.y <= high
-        })
-        .map(|(_, index)| index)
+    // Depths are positive, so that their bits are in the same order. Ties are broken by the order of the file. Indices are
+    // less than 2^32: that many Gaussians would take 400 GB.
+    let mut order: Vec<u64> = (reached.iter().zip(projected).zip(0u64..))
+        .filter(|(([first, last], _), _)| *last >= low && *first <= high)
+        .map(|((_, gaussian), index)| u64::from(gaussian.depth.to_bits()) << 32 | index)
         .collect();
+    order.sort_unstable();
+    let gaussian_of = |key: u64| &projected[key as u32 as usize];
+    let in_row: Vec<([f32; 2], &Projected)> =
+        order.into_iter().map(|key| (gaussian_of(key).span(0), gaussian_of(key))).collect();
     for left in (0..width).step_by(TILE) {
         let columns = TILE.min(width - left);
         let planes = [[0.0; TILE * TILE], [0.0; TILE * TILE], [0.0; TILE * TILE], [1.0; TILE * TILE]];
         let mut tile = Tile { planes, open: [[0, columns]; TILE] };
         let (low, high) = (left as f32, (left + columns) as f32);
         let mut drawn = 0;
-        for &index in &in_row {
-            let gaussian = &projected[index as usize];
-            if gaussian.center.x + gaussian.reach.x < low || gaussian.center.x - gaussian.reach.x > high {
+        for ([first, last], gaussian) in &in_row {
+            if *last < low || *first > high {
                 continue;
             }
             show(gaussian, tile.blend(gaussian, left, top, lines));

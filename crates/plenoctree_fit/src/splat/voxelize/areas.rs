@@ -5,7 +5,7 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Vec3};
 use plenoctree::camera::PinholeCamera;
 use rayon::prelude::*;
 
@@ -37,13 +37,17 @@ pub fn areas(splats: &Splats, views: &[PinholeCamera], width: f64, blur: f64) ->
     let units = UNITS.min(f64::from(u32::MAX) / pixels.max(1.0));
     let weights: Vec<AtomicU32> = (0..AREAS * splats.len()).map(|_| AtomicU32::new(0)).collect();
     views.par_iter().for_each(|view| {
-        draw(splats, view, |index, sum| {
+        let show = |index: u32, sum: f32| {
+            let sum = (f64::from(sum) * units).round() as u32;
+            if sum == 0 {
+                return;
+            }
             let gaussian = &splats.gaussians()[index as usize];
             let direction = (gaussian.position.as_dvec3() - view.position).normalize();
             let apparent = Range::of(gaussian, width, blur).place(apparent(gaussian, width, blur, direction));
-            let sum = (f64::from(sum) * units).round() as u32;
             weights[index as usize * AREAS + apparent].fetch_add(sum, Ordering::Relaxed);
-        });
+        };
+        draw(splats, view, |_, _| Vec3::ZERO, show);
     });
     let best = |(gaussian, weights): (&Gaussian, &[AtomicU32])| {
         let usual = area(widths(gaussian, width, blur));

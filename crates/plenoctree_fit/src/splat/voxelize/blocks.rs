@@ -171,7 +171,11 @@ impl Raster {
         }
         let last = last.as_usizevec3();
         self.is_empty = false;
-        let coefficients = &splats.coefficients(gaussian.index as usize)[..stride / 3];
+        // What a thickness of 1 adds.
+        let mut added = vec![1.0; stride];
+        for (added, coefficient) in added[1..].chunks_exact_mut(3).zip(splats.coefficients(gaussian.index as usize)) {
+            added.copy_from_slice(&coefficient.to_array());
+        }
         let c = form.z_axis.z;
         for x in first.x..=last.x {
             let dx = x as f32 - center.x;
@@ -196,10 +200,7 @@ impl Raster {
                     let distance = a + dz * (2.0 * b + c * dz);
                     let opacity = gaussian.opacity * exp_minus(0.5 * distance.max(0.0));
                     let thickness = gaussian.scale * profile.density(opacity);
-                    sums[0] += thickness;
-                    for (sums, coefficient) in sums[1..].chunks_exact_mut(3).zip(coefficients) {
-                        (0..3).for_each(|channel| sums[channel] += thickness * coefficient[channel]);
-                    }
+                    sums.iter_mut().zip(&added).for_each(|(sum, added)| *sum += thickness * added);
                 }
             }
         }
@@ -216,22 +217,31 @@ impl Raster {
                 (before, place - before as f32)
             })
             .collect();
-        let points = places.iter().flat_map(|x| places.iter().map(move |y| (x, y)));
-        let points = points.flat_map(|(x, y)| places.iter().map(move |z| [x, y, z]));
-        for (sums, point) in self.sums.chunks_exact_mut(self.stride).zip(points) {
-            for corner in 0..8 {
-                let end = [corner >> 2, corner >> 1 & 1, corner & 1];
-                let weights: [f32; 3] = std::array::from_fn(|axis| match end[axis] {
-                    0 => 1.0 - point[axis].1,
-                    _ => point[axis].1,
-                });
-                let weight: f32 = weights.iter().product();
-                if weight > 0.0 {
-                    let place = USizeVec3::from_array(std::array::from_fn(|axis| point[axis].0 + end[axis]));
-                    sums.iter_mut().zip(coarser.point(place)).for_each(|(sum, value)| *sum += weight * value);
+        // One axis after another: a plane of the lattice, a row of that plane, and the points of that row.
+        let row_length = coarser.side * self.stride;
+        let mut plane = vec![0.0; coarser.side * row_length];
+        let mut row = vec![0.0; row_length];
+        let own_row = self.side * self.stride;
+        for (sums, x) in self.sums.chunks_exact_mut(self.side * own_row).zip(&places) {
+            plane.fill(0.0);
+            add_between(&mut plane, &coarser.sums, *x);
+            for (sums, y) in sums.chunks_exact_mut(own_row).zip(&places) {
+                row.fill(0.0);
+                add_between(&mut row, &plane, *y);
+                for (sums, z) in sums.chunks_exact_mut(self.stride).zip(&places) {
+                    add_between(sums, &row, *z);
                 }
             }
         }
+    }
+}
+
+/// Adds what is between two neighbors in a list of what is as long as `sums`: the index of the first one, and the weight
+/// of the second.
+fn add_between(sums: &mut [f32], list: &[f32], (before, share): (usize, f32)) {
+    let (first, second) = list[before * sums.len()..][..2 * sums.len()].split_at(sums.len());
+    for ((sum, first), second) in sums.iter_mut().zip(first).zip(second) {
+        *sum += (1.0 - share) * first + share * second;
     }
 }
 
