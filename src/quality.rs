@@ -67,7 +67,8 @@ pub struct PropQuality {
     /// more, or belong to different props, or where a mesh ends in front of a prop, all pixels get rays. What is thinner
     /// than two pixels may be missed where no ray of the grid meets it.
     ///
-    /// Defaults to 0, which gives every pixel a ray. Below 0.1, hardly any time is saved. Negative values count as 0.
+    /// Defaults to 0, which gives every pixel a ray. Below 0.1, hardly any time is saved, and none where props are so
+    /// small that nearly all of their pixels get rays anyway. Negative values count as 0.
     pub ray_tolerance: f32,
     /// The number of rays through a pixel where a posterized prop ends, for
     /// [`EdgeSmoothing::Coverage`](crate::EdgeSmoothing::Coverage): 4 or 8. Views with [`Msaa`] always cast 8. Both
