@@ -12,8 +12,8 @@
 const SPACING: u32 = 2u;
 // The pixels of a gap.
 const PIXELS_OF_GAP: u32 = SPACING * SPACING - 1u;
-// The pixels along a side of the square whose elements form a batch, and of the one in which it is drawn. Matches `BATCH` in
-// `slot.rs`.
+// The pixels along a side of the square whose elements form a batch, and of the one in which it is drawn. Matches `BATCH` of
+// the plan.
 const BATCH: u32 = 16u;
 // The words of a list that say which pixels of a square are in a batch, a bit each.
 const WORDS_OF_BATCH: u32 = BATCH * BATCH / 32u;
@@ -70,7 +70,7 @@ fn index_in_batch(place: vec2<u32>) -> u32 {
     return bits.x | (bits.y << 1u);
 }
 
-// Returns the size of the pixels in which `count` elements are drawn.
+// Returns the width and the height, in pixels, of the part of a square in which `count` elements are drawn.
 fn size_of_batch(count: u32) -> vec2<u32> {
     let bits = 32u - countLeadingZeros(count - 1u);
     return vec2(1u << ((bits + 1u) / 2u), 1u << (bits / 2u));

@@ -20,8 +20,8 @@ use crate::posterize::MAX_FILTER_ITERATIONS;
 /// until it is ready, the field itself or a more exact level is drawn. Levels take additional GPU memory until no
 /// camera or light has requested them for 600 frames, so do not animate these settings.
 ///
-/// The table lists the accuracy of the presets that tests guarantee for the most demanding of the baked props (thin
-/// rails, gloss) and for a field that no preset was tuned to, where they fill a frame of 400 x 400 pixels and, in
+/// The table lists the accuracy that tests guarantee for the presets, with the most demanding of the baked props (thin
+/// rails, gloss) and with a field that no preset was tuned to, where they fill a frame of 400 x 400 pixels and, in
 /// parentheses, one of 160 x 160 pixels, in which their details are the size of pixels: the lowest PSNR against
 /// float64, and the largest fraction of the prop's pixels whose label differs from the one in float64, when labels do
 /// not blend. Larger frames are more accurate. Fields with many details of the size of pixels are less accurate: of a
@@ -67,8 +67,8 @@ pub struct PropQuality {
     /// more, or belong to different props, or where a mesh ends in front of a prop, all pixels get rays. What is thinner
     /// than two pixels may be missed where no ray of the grid meets it.
     ///
-    /// Defaults to 0, which gives every pixel a ray. Below 0.1, hardly any time is saved, and none where props are so
-    /// small that nearly all of their pixels get rays anyway. Negative values count as 0.
+    /// Defaults to 0, which gives every pixel a ray. Below 0.1, hardly any time is saved. Where props are so
+    /// small that nearly all of their pixels get rays anyway, it costs time. Negative values count as 0.
     pub ray_tolerance: f32,
     /// The number of rays through a pixel where a posterized prop ends, for
     /// [`EdgeSmoothing::Coverage`](crate::EdgeSmoothing::Coverage): 4 or 8. Views with [`Msaa`] always cast 8. Both
@@ -127,7 +127,7 @@ impl PropQuality {
     /// A compromise for most games.
     pub const BALANCED: Self =
         Self { opacity_loss: 0.02, cell_size: 1.0, ray_tolerance: 0.18, filter_iterations: 3, ..Self::HIGH };
-    /// For many props, or a slow GPU.
+    /// For a slow GPU. Crowds of tiny props gain nothing: see [`ray_tolerance`](Self::ray_tolerance).
     pub const FAST: Self = Self {
         stop_transmittance: 0.05,
         opacity_loss: 0.05,

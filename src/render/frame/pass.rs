@@ -276,7 +276,7 @@ impl Draw {
         Self { program, field: None, vertices: 0..3, instance: 0 }
     }
 
-    /// Draws so many batches along each axis, if there are any. See `batches.wgsl`.
+    /// Draws this many batches along each axis, if there are any. See `batches.wgsl`.
     pub fn of_batches(self, batches: UVec2) -> Option<Self> {
         let vertices = 0..6 * batches.element_product();
         (!vertices.is_empty()).then_some(Self { vertices, ..self })

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use bevy::{platform::collections::HashSet, prelude::*, render::RenderApp};
+use bevy::{camera::visibility::NoFrustumCulling, platform::collections::HashSet, prelude::*, render::RenderApp};
 use glam::DVec3;
 use plenoctree::{BakeSettings, Basis, bake};
 
@@ -291,6 +291,31 @@ fn props_stay_when_the_palette_of_another_field_arrives() {
             frames += u32::from(is_known && is_complete(&mut headless));
         }
     }
+}
+
+/// A prop draws the batches that may have pixels of it, no matter how large others are, and none out of view.
+#[test]
+fn props_draw_the_batches_around_them() {
+    let (mut headless, camera) = app(None, |_| ());
+    headless.resize(UVec2::new(500, 310));
+    let world = headless.app.world_mut();
+    world.entity_mut(camera).insert(PropQuality::FAST);
+    let field = world.query::<&Prop>().single(world).unwrap().clone();
+    let place = |x| Transform::from_xyz(x, 0.0, 0.6).with_scale(Vec3::splat(0.05));
+    world.spawn((field.clone(), place(0.3)));
+    world.spawn((field, place(100.0), NoFrustumCulling));
+    headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    passes_and_bytes(&mut headless, camera);
+    let drawn = |pass: &&Pass| pass.name == volume::VOLUME_BATCHES;
+    let view = view(&mut headless);
+    let mut batches: Vec<u32> =
+        view.passes.iter().filter(drawn).flat_map(|pass| &pass.draws).map(|draw| draw.vertices.end / 6).collect();
+    batches.sort_unstable();
+    batches.dedup();
+    assert_eq!(view.plan.props.len(), 3);
+    // It covers about 9 x 9 pixels, and the large one 140 x 140.
+    let [small, large] = batches[..] else { panic!("{batches:?}") };
+    assert!((1..=4).contains(&small) && (64..=144).contains(&large), "{batches:?}");
 }
 
 /// Returns the bytes of GPU memory that a view of this size takes at rest, from a distance.

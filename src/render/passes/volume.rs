@@ -169,7 +169,7 @@ fn through(program: Program, rays: RaySet, shape: FieldShape) -> Program {
     }
 }
 
-/// Returns what draws a prop: its box, or all batches that have pixels in it.
+/// Returns what draws a prop: its box, or all batches that may have pixels in it.
 fn draw(rays: RaySet, prop: &PlannedProp, program: usize, instance: u32) -> Option<Draw> {
     let draw = Draw { program, field: Some(prop.field.clone()), vertices: BOX, instance };
     if rays == RaySet::Batches { draw.of_batches(prop.batches().1) } else { Some(draw) }

@@ -32,7 +32,7 @@ use bevy::{
     },
 };
 
-/// The largest number of lists of pixels at edges, which take an eighth of a byte per pixel each. A power of two, so that
+/// The largest number of lists of pixels at edges, which take a seventh of a byte per pixel each. A power of two, so that
 /// buffers of them are seldom recreated.
 const MOST_LISTS: u32 = 16;
 

@@ -126,7 +126,8 @@ impl PlannedProp {
     /// Returns the first of the batches that may have pixels of its box, and their numbers along each axis.
     pub fn batches(&self) -> (UVec2, UVec2) {
         let first = self.rect.min / BATCH;
-        (first, batches(self.rect.max).saturating_sub(first))
+        let size = if self.rect.is_empty() { UVec2::ZERO } else { batches(self.rect.max) - first };
+        (first, size)
     }
 }
 

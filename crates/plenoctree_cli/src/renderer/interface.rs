@@ -30,7 +30,7 @@ pub struct Look<'a> {
 /// Settings of posterization, for every renderer. By default, those of the paper.
 #[derive(Clone, Copy, Default)]
 pub struct PosterizeSettings {
-    /// Those of the reference. Whatever they say, the space is that of the palette's labels.
+    /// The settings of the reference. Their `space` is ignored: it is always that of the palette's labels.
     pub posterization: Posterization,
     /// Whether the edges of the prop and the borders between hard labels are smooth. GPU only.
     #[cfg_attr(not(feature = "bevy"), allow(dead_code))]

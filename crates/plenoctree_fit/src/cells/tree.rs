@@ -185,8 +185,8 @@ impl Merged {
 /// axis from either side. `colors` are what the parts' coefficients differ from its own, and `through` is their
 /// transmittance.
 fn lost(colors: &[Color; 8], stride: usize, through: [f32; 8], thickness: f32) -> f32 {
-    // The mean of the product over all directions. Sums by turns, so that compilers use vectors. Behind the coefficients,
-    // there are zeros.
+    // The mean of the product over all directions. Four sums alternate, so that compilers use vectors. The
+    // coefficients are followed by zeros.
     let product = |a: usize, b: usize| -> f32 {
         let mut sums = [0.0; 4];
         let [a, b] = [a, b].map(|part| colors[part][..stride.next_multiple_of(4)].chunks_exact(4));

@@ -172,7 +172,8 @@ impl Raster {
         let last = last.as_usizevec3();
         self.is_empty = false;
         // What a thickness of 1 adds.
-        let mut added = vec![1.0; stride];
+        let mut added = vec![0.0; stride];
+        added[0] = 1.0;
         for (added, coefficient) in added[1..].chunks_exact_mut(3).zip(splats.coefficients(gaussian.index as usize)) {
             added.copy_from_slice(&coefficient.to_array());
         }
@@ -236,8 +237,8 @@ impl Raster {
     }
 }
 
-/// Adds what is between two neighbors in a list of what is as long as `sums`: the index of the first one, and the weight
-/// of the second.
+/// Adds the interpolation of two neighbors in a list of elements that are each as long as `sums`, given the index of the
+/// first one and the weight of the second.
 fn add_between(sums: &mut [f32], list: &[f32], (before, share): (usize, f32)) {
     let (first, second) = list[before * sums.len()..][..2 * sums.len()].split_at(sums.len());
     for ((sum, first), second) in sums.iter_mut().zip(first).zip(second) {
