@@ -25,7 +25,7 @@ struct Field {
 
 @group(1) @binding(0) var<uniform> field: Field;
 @group(1) @binding(1) var table: texture_2d_array<u32>;
-#ifdef INNER_RECORDS
+#ifdef INNER_LEVELS
 @group(1) @binding(2) var records: texture_2d_array<u32>;
 #endif
 // The density of every leaf or, with a CODEBOOK, its index among those with which the codebook begins.
@@ -40,7 +40,7 @@ fn place(index: u32, rows: u32) -> vec3<u32> {
     return vec3(index & ((1u << field.row) - 1u), row & ((1u << rows) - 1u), row >> rows);
 }
 
-#ifdef INNER_RECORDS
+#ifdef INNER_LEVELS
 fn child_record(index: u32) -> vec4<u32> {
     let at = place(index, field.record_rows);
     return textureLoad(records, at.xy, at.z, 0);
@@ -137,42 +137,51 @@ struct Cell {
     far: vec3<i32>,
 }
 
+// One of the 64 parts of a record: the bit that says whether it has content, whether it has, and whether it is all of its
+// octant.
+struct Part {
+    bit: u32,
+    is_filled: bool,
+    is_octant: bool,
+}
+
+// Returns the part of a record in which a finest cell is, if parts are 2^shift finest cells wide.
+fn part_of(record: vec4<u32>, position: vec3<u32>, shift: u32) -> Part {
+    let part = part_at(position, shift);
+    let octant = (select(record.x, record.y, part >= 32u) >> (part & 24u)) & 255u;
+    let is_merged = ((record.w >> (part >> 3u)) & 1u) != 0u;
+    let bit = select(part, part & 56u, is_merged);
+    return Part(bit, ((octant >> (bit & 7u)) & 1u) != 0u, is_merged || octant == 0u);
+}
+
 // Returns the cell at a position along a ray.
 fn locate(ray: Ray, along: vec3<i32>) -> Cell {
     let position = vec3<u32>(along ^ ray.mirror);
-    var shift = ray.table_shift;
-    let entry = position >> vec3(shift);
+    let entry = position >> vec3(ray.table_shift);
     var record = textureLoad(table, entry.zy, entry.x, 0);
-#ifdef INNER_RECORDS
-    loop {
-        if (record.w & KIND) != INNER {
-            break;
-        }
-        shift -= 2u;
-        let part = part_at(position, shift);
-        let octant = (select(record.x, record.y, part >= 32u) >> (part & 24u)) & 255u;
-        if ((octant >> (part & 7u)) & 1u) == 0u {
+#ifdef INNER_LEVELS
+    // A loop that ends with the number of levels costs less than one that ends for each lane by itself.
+    for (var level = 1u; level <= #{INNER_LEVELS}u; level++) {
+        if (record.w & KIND) == INNER {
+            let shift = ray.table_shift - 2u * level;
+            let part = part_of(record, position, shift);
             // An empty part has no record. Create one that holds its level.
-            record = vec4(0u, 0u, 0u, ray.depth - shift - select(0u, 1u, octant == 0u));
-        } else {
-            let index = record.z + count(bits_before(record, part));
-            record = child_record(index);
+            let empty = vec4(0u, 0u, 0u, ray.depth - shift - select(0u, 1u, part.is_octant));
+            let child = child_record(record.z + count(bits_before(record, part.bit)));
+            record = select(empty, child, part.is_filled);
         }
     }
 #endif
     let kind = record.w & KIND;
-    let part = part_at(position, 0u);
-    let octant = (select(record.x, record.y, part >= 32u) >> (part & 24u)) & 255u;
-    let merged = ((record.w >> (part >> 3u)) & 1u) != 0u;
-    let first = select(part, part & 56u, merged);
+    let part = part_of(record, position, 0u);
     let is_brick = kind == BRICK;
-    let is_leaf = select(kind == WHOLE, ((octant >> (first & 7u)) & 1u) != 0u, is_brick);
-    let size = select(ray.depth - (record.w & 31u), select(0u, 1u, merged || octant == 0u), is_brick);
+    let is_leaf = select(kind == WHOLE, part.is_filled, is_brick);
+    let size = select(ray.depth - (record.w & 31u), select(0u, 1u, part.is_octant), is_brick);
     let extents = (select(record.yyy, record.xxx, ray.mirror != vec3(0)) >> vec3(0u, 10u, 20u)) & vec3(1023u);
     let more = select(extents << vec3(ray.table_shift), vec3(0u), is_brick);
     return Cell(
         select(NO_LEAF, record.z, is_leaf),
-        bits_before(record, first),
+        bits_before(record, part.bit),
         (along | vec3((1i << size) - 1)) + vec3<i32>(more),
     );
 }

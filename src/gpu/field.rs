@@ -35,10 +35,10 @@ pub struct GpuField {
 }
 
 impl GpuField {
-    /// Returns an upper bound on the bytes that `field` takes in GPU memory, not counting the rest of the last row of
-    /// textures, and levels that a camera's [`PropQuality`](crate::PropQuality) may request.
+    /// Returns the bytes that `field` takes in GPU memory, not counting the rest of the last row of textures, and levels
+    /// that a camera's [`PropQuality`](crate::PropQuality) may request. Visits every node.
     pub fn byte_size(field: &PlenOctree) -> u64 {
-        Records::most_bytes(field, upload::table_allowance(field))
+        Records::bytes(field, upload::table_allowance(field))
             + upload::arrays(field).iter().map(|(_, bytes, _)| bytes).sum::<u64>()
     }
 

@@ -26,23 +26,23 @@ pub(super) const PACKED_WORDS: TextureFormat = TextureFormat::Rg32Uint;
 pub(crate) struct FieldShape {
     pub payload: Payload,
     pub activation: Activation,
-    /// Whether there are child records besides the table.
-    pub inner_records: bool,
+    /// How many levels of child records there are below the table.
+    pub inner_levels: u32,
 }
 
 /// The properties of a field that all pipelines that march through it are specialized for. Others also depend on how
 /// radiance is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct TreeShape {
-    /// Whether there are child records besides the table.
-    inner_records: bool,
+    /// How many levels of child records there are below the table.
+    inner_levels: u32,
     /// Whether densities and coefficients have the formats of packed fields.
     has_codebook: bool,
 }
 
 impl From<FieldShape> for TreeShape {
     fn from(shape: FieldShape) -> Self {
-        Self { inner_records: shape.inner_records, has_codebook: shape.payload.has_codebook }
+        Self { inner_levels: shape.inner_levels, has_codebook: shape.payload.has_codebook }
     }
 }
 
@@ -77,8 +77,9 @@ pub(crate) fn field_layout() -> BindGroupLayoutDescriptor {
 impl TreeShape {
     /// Returns the shader definitions for `octree.wgsl`.
     pub fn definitions(self) -> impl Iterator<Item = ShaderDefVal> {
-        let names = [(self.inner_records, "INNER_RECORDS"), (self.has_codebook, "CODEBOOK")];
-        names.into_iter().filter(|(holds, _)| *holds).map(|(_, name)| name.into())
+        let inner_levels = ShaderDefVal::UInt("INNER_LEVELS".into(), self.inner_levels);
+        let has_codebook = self.has_codebook.then(|| "CODEBOOK".into());
+        (self.inner_levels > 0).then_some(inner_levels).into_iter().chain(has_codebook)
     }
 }
 

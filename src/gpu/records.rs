@@ -13,7 +13,7 @@ use plenoctree::{Cell, PlenOctree};
 /// |---|---|---|---|
 /// | empty | how far the empty box around it extends | | level of the empty cell |
 /// | brick: parts are finest cells | bits of cells that begin a leaf | first leaf | bits of octants that are one leaf |
-/// | inner: parts have child records | bits of parts that are not empty | first child record | |
+/// | inner: parts have child records | bits of parts that are not empty | first child record | the same |
 /// | leaf | | leaf | level of the leaf |
 ///
 /// The parts of a cell are the 64 cells two levels below it. The index of a part has six bits: x, y and z of its
@@ -69,18 +69,21 @@ impl Records {
         records
     }
 
-    /// Returns an upper bound on the size of the table records and child records, in bytes.
-    pub fn most_bytes(field: &PlenOctree, allowance: u64) -> u64 {
-        let depth = tree_depth(field);
-        let level = table_level(depth, allowance);
-        let children = if level + 2 < depth { 8 * field.nodes().len() as u64 } else { 0 };
-        16 * ((1 << (3 * level)) + children)
+    /// Returns the size of the table records and child records of a field, in bytes, without creating them.
+    pub fn bytes(field: &PlenOctree, allowance: u64) -> u64 {
+        let level = table_level(tree_depth(field), allowance);
+        16 * ((1 << (3 * level)) + Self::child_count(field, allowance) as u64)
     }
 
     /// Returns the number of child records of a field, without creating them.
     pub fn child_count(field: &PlenOctree, allowance: u64) -> usize {
         let depth = tree_depth(field);
         count_children(field, 0, 0, table_level(depth, allowance), depth)
+    }
+
+    /// Returns how many levels of child records there are below the table.
+    pub fn inner_levels(&self) -> u32 {
+        if self.children.is_empty() { 0 } else { (self.depth - self.table_level) / 2 - 1 }
     }
 
     fn fill(&mut self, field: &PlenOctree, part: Content, level: u32, corner: [u32; 3], empty: &mut Vec<Cube>) {
@@ -162,11 +165,11 @@ impl Records {
                 mask |= 1 << (8 * octant + index);
             }
         }
+        // A leaf that fills an octant sets only the octant's first bit.
+        for octant in (0..8).filter(|octant| merged >> octant & 1 == 1) {
+            mask &= !(0xfe << (8 * octant));
+        }
         if level + 2 == self.depth {
-            // A leaf that fills an octant sets only the octant's first bit.
-            for octant in (0..8).filter(|octant| merged >> octant & 1 == 1) {
-                mask &= !(0xfe << (8 * octant));
-            }
             let first = octants.iter().flat_map(|(parts, _)| parts).find_map(|part| match part {
                 Content::Leaf(leaf) => Some(*leaf),
                 _ => None,
@@ -180,12 +183,13 @@ impl Records {
         self.children.resize(first + mask.count_ones() as usize, [EMPTY; 4]);
         let mut next = first;
         for (parts, is_leaf) in octants {
-            for part in parts.into_iter().filter(|part| !matches!(part, Content::Empty)) {
-                self.children[next] = self.record(field, part, level + if is_leaf { 1 } else { 2 });
+            let (count, level) = if is_leaf { (1, level + 1) } else { (8, level + 2) };
+            for part in parts.into_iter().take(count).filter(|part| !matches!(part, Content::Empty)) {
+                self.children[next] = self.record(field, part, level);
                 next += 1;
             }
         }
-        [mask as u32, (mask >> 32) as u32, first as u32, INNER]
+        [mask as u32, (mask >> 32) as u32, first as u32, INNER | merged]
     }
 }
 
@@ -253,7 +257,7 @@ fn count_children(field: &PlenOctree, node: u32, level: u32, table_level: u32, d
     }
     let octant = |part| match part {
         Content::Empty => 0,
-        Content::Leaf(_) => 8,
+        Content::Leaf(_) => 1,
         Content::Node(node) => {
             let parts = field.nodes()[node as usize].iter().map(|cell| Content::from(*cell));
             let part = |part| match part {
@@ -326,20 +330,14 @@ mod tests {
             }
             shift -= 2;
             let (octant, part) = (at(shift + 1), at(shift));
-            let index = 8 * octant + part;
-            if kind == BRICK {
-                if record[3] >> octant & 1 == 1 {
-                    let rank = (mask & ((1 << (8 * octant)) - 1)).count_ones();
-                    return (Some(record[2] + rank), cell(1));
-                }
-                let rank = (mask & ((1 << index) - 1)).count_ones();
-                let shift = u32::from(mask >> (8 * octant) & 0xff == 0);
-                return ((mask >> index & 1 == 1).then_some(record[2] + rank), cell(shift));
+            let is_merged = record[3] >> octant & 1 == 1;
+            let index = 8 * octant + if is_merged { 0 } else { part };
+            let is_octant = is_merged || mask >> (8 * octant) & 0xff == 0;
+            let filled = (mask >> index & 1 == 1).then(|| record[2] + (mask & ((1 << index) - 1)).count_ones());
+            match filled {
+                Some(child) if kind == INNER => record = records.children[child as usize],
+                leaf => return (leaf, cell(shift + u32::from(is_octant))),
             }
-            if mask >> index & 1 == 0 {
-                return (None, cell(shift + u32::from(mask >> (8 * octant) & 0xff == 0)));
-            }
-            record = records.children[record[2] as usize + (mask & ((1 << index) - 1)).count_ones() as usize];
         }
     }
 

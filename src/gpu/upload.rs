@@ -245,7 +245,7 @@ impl Uploader<'_> {
             textures.push(layers[4].texture(device, "plenoctree_codebook", PACKED_WORDS));
         }
         let views: [_; 5] = std::array::from_fn(|index| textures::view(&textures[index.min(textures.len() - 1)]));
-        let shape = FieldShape { payload, activation: field.activation(), inner_records: !records.children.is_empty() };
+        let shape = FieldShape { payload, activation: field.activation(), inner_levels: records.inner_levels() };
         let bind_group = self.device.create_bind_group(
             "plenoctree_field",
             &self.pipelines.get_bind_group_layout(&field_layout()),
