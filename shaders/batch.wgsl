@@ -15,19 +15,24 @@ const PIXELS_OF_GAP: u32 = SPACING * SPACING - 1u;
 // The pixels along a side of the square whose elements form a batch, and of the one in which it is drawn. Matches `BATCH` of
 // the plan.
 const BATCH: u32 = 16u;
-// The words of a list that say which pixels of a square are in a batch, a bit each.
-const WORDS_OF_BATCH: u32 = BATCH * BATCH / 32u;
 // The gaps along a side of that square.
 const GAPS_ACROSS: u32 = BATCH / SPACING;
-// The largest number of gaps in a batch.
-const MOST_GAPS: u32 = GAPS_ACROSS * GAPS_ACROSS;
+// The words that say which gaps, or which pixels at edges, of a square are in its batch: row by row, a bit each.
+const WORDS_OF_GAPS: u32 = GAPS_ACROSS * GAPS_ACROSS / 32u;
+const WORDS_OF_EDGES: u32 = BATCH * BATCH / 32u;
+#ifdef BATCHED
+const WORDS: u32 = WORDS_OF_GAPS;
+#else
+const WORDS: u32 = WORDS_OF_EDGES;
+#endif
 
-// What the check pass finds about a gap, if not 1 + its index in its batch.
+// What the check pass finds about a gap.
 const AGREES: u32 = 0u;
-const EMPTY: u32 = 0xffffu;
+const EMPTY: u32 = 1u;
+const NEEDS_RAYS: u32 = 2u;
 
-// The number of elements of every batch, for the passes that march rays for them.
-@group(0) @binding(8) var<storage, read> counts: array<u32>;
+// The words of every batch, for the passes that march rays.
+@group(0) @binding(8) var<storage, read> listed: array<u32>;
 
 // Returns one of the four rays of the grid around a gap.
 fn ray_around(gap: vec2<u32>, index: u32) -> vec2<u32> {
@@ -51,6 +56,46 @@ fn batch_of(pixel: vec2<u32>, list: u32) -> u32 {
     let all = batches();
     let square = pixel / BATCH;
     return (list * all.y + square.y) * all.x + square.x;
+}
+
+// Returns the place of a gap among those of its square.
+fn place_of_gap(gap: vec2<u32>) -> u32 {
+    return gap.y % GAPS_ACROSS * GAPS_ACROSS + gap.x % GAPS_ACROSS;
+}
+
+// Returns the number of elements of a batch.
+fn count_of(batch: u32) -> u32 {
+    var count = 0u;
+    for (var word = 0u; word < WORDS; word++) {
+        count += countOneBits(listed[batch * WORDS + word]);
+    }
+    return count;
+}
+
+const NO_ELEMENT: u32 = 0xffffffffu;
+
+// Returns the place of an element of a batch among those of its square: that of the bit `index` of those that are set.
+fn place_of_element(batch: u32, index: u32) -> u32 {
+    var at = 0u;
+    var word = listed[batch * WORDS];
+    var rest = index;
+    loop {
+        let bits = countOneBits(word);
+        if rest < bits || at + 1u == WORDS {
+            break;
+        }
+        rest -= bits;
+        at += 1u;
+        word = listed[batch * WORDS + at];
+    }
+    let exists = rest < countOneBits(word);
+    var bit = 0u;
+    for (var half = 16u; half > 0u; half >>= 1u) {
+        let below = countOneBits((word >> bit) & ((1u << half) - 1u));
+        bit += select(0u, half, rest >= below);
+        rest -= select(0u, below, rest >= below);
+    }
+    return select(NO_ELEMENT, 32u * at + bit, exists);
 }
 
 // Returns the pixel within the square of a batch in which the element `index` of the batch is drawn: along the Z-order

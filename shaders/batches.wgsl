@@ -2,7 +2,7 @@
 // for the passes that march rays for them. Along the edge between two triangles, both are shaded in the same blocks of
 // pixels, and small batches would be marched almost twice.
 
-#import bevy_plenoctree::batch::{BATCH, PIXELS_OF_GAP, batch_of, batches, counts, list_of, size_of_batch}
+#import bevy_plenoctree::batch::{BATCH, PIXELS_OF_GAP, batch_of, batches, count_of, list_of, size_of_batch}
 #import bevy_plenoctree::prop_ray::Varying
 #import bevy_plenoctree::view::{NOWHERE, first_drawn, props}
 
@@ -26,7 +26,7 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
     let across = squares.x;
 #endif
     let square = first + vec2(index / 6u % across, index / 6u / across);
-    var count = counts[batch_of(BATCH * square, list)];
+    var count = count_of(batch_of(BATCH * square, list));
 #ifdef BATCHED
     count *= PIXELS_OF_GAP;
 #endif

@@ -2,16 +2,15 @@
 // their own: the gap joins its batch.
 
 #import bevy_plenoctree::batch::{
-    AGREES, EMPTY, GAPS_ACROSS, MOST_GAPS, SPACING, batch_of, ray_around,
+    AGREES, EMPTY, NEEDS_RAYS, SPACING, WORDS_OF_GAPS, batch_of, place_of_gap, ray_around,
 }
 #import bevy_plenoctree::view::{distance_from_depth, is_solid, length_at, scene_depth_at, unpack_owner, view}
 
 @group(1) @binding(0) var layer: texture_2d<f32>;
 @group(1) @binding(1) var owner: texture_2d<f32>;
 @group(1) @binding(2) var depth: texture_depth_2d;
-// The number of gaps in every batch, and the gaps, as places in the squares of their batches.
-@group(2) @binding(0) var<storage, read_write> counts: array<atomic<u32>>;
-@group(2) @binding(1) var<storage, read_write> gaps: array<u32>;
+// Which gaps are in batches.
+@group(2) @binding(0) var<storage, read_write> gaps: array<atomic<u32>>;
 
 // The largest difference of distances at pixels where the scene shows the same surface. See `are_apart`.
 const SAME_SURFACE: f32 = 0.05;
@@ -69,10 +68,9 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) u32 {
         || is_at_end;
     var found = select(AGREES, EMPTY, is_empty);
     if needs_rays {
-        let batch = batch_of(gap * SPACING, 0u);
-        let index = atomicAdd(&counts[batch], 1u);
-        gaps[batch * MOST_GAPS + index] = gap.x % GAPS_ACROSS + gap.y % GAPS_ACROSS * GAPS_ACROSS;
-        found = index + 1u;
+        let place = place_of_gap(gap);
+        atomicOr(&gaps[WORDS_OF_GAPS * batch_of(gap * SPACING, 0u) + place / 32u], 1u << (place % 32u));
+        found = NEEDS_RAYS;
     }
     return found;
 }

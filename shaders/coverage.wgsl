@@ -1,7 +1,7 @@
 // The coverage pass: marches several rays through each pixel at the edge of a posterized prop where opacity does not show
 // enough, to find which part of the pixel the prop covers, and its color there.
 
-#import bevy_plenoctree::batch::{BATCH, WORDS_OF_BATCH, batch_of, counts, index_in_batch, list_of}
+#import bevy_plenoctree::batch::{BATCH, NO_ELEMENT, batch_of, index_in_batch, list_of, place_of_element}
 #import bevy_plenoctree::color::{premultiplied_tinted, to_half}
 #import bevy_plenoctree::edge::{
     FAINTEST, RAYS, neighbor, offset_of_four, ray_offset, rays_of, sample_of, thinned, word_at, word_of,
@@ -14,8 +14,7 @@
     view,
 }
 
-// The results of the outline pass: which pixels need rays, a bit each, and the owners of all.
-@group(0) @binding(9) var<storage, read> edges: array<u32>;
+// The owners of pixels, from the outline pass.
 @group(2) @binding(0) var outline: texture_2d<u32>;
 @group(2) @binding(1) var owner: texture_2d<f32>;
 @group(2) @binding(2) var depth: texture_depth_2d;
@@ -233,39 +232,15 @@ fn without(color: Color, rays: u32) -> Color {
 }
 #endif
 
-// Returns the pixel of an element of a batch, in the batch's square: that of the bit `index` of those that are set.
-fn listed(batch: u32, index: u32) -> vec2<u32> {
-    var place = 0u;
-    var word = edges[batch * WORDS_OF_BATCH];
-    var rest = index;
-    loop {
-        let bits = countOneBits(word);
-        if rest < bits || place + 1u == WORDS_OF_BATCH {
-            break;
-        }
-        rest -= bits;
-        place += 1u;
-        word = edges[batch * WORDS_OF_BATCH + place];
-    }
-    var bit = 0u;
-    for (var half = 16u; half > 0u; half >>= 1u) {
-        let below = countOneBits((word >> bit) & ((1u << half) - 1u));
-        bit += select(0u, half, rest >= below);
-        rest -= select(0u, below, rest >= below);
-    }
-    let pixel = 32u * place + bit;
-    return vec2(pixel % BATCH, pixel / BATCH);
-}
-
 @fragment
 fn fragment(in: Varying) {
     let place = vec2<u32>(in.position.xy);
     let batch = batch_of(place, list_of(in.prop, #{PART}u));
-    let element = index_in_batch(place % BATCH);
-    if element >= counts[batch] {
+    let element = place_of_element(batch, index_in_batch(place % BATCH));
+    if element == NO_ELEMENT {
         return;
     }
-    let listed_pixel = place / BATCH * BATCH + listed(batch, element);
+    let listed_pixel = place / BATCH * BATCH + vec2(element % BATCH, element / BATCH);
     let pixel = vec2<i32>(listed_pixel);
     let owners = textureLoad(outline, pixel, 0).xy;
 #ifdef OF_OWNERS

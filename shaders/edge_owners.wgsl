@@ -2,7 +2,7 @@
 // rays for the coverage pass.
 #define_import_path bevy_plenoctree::edge_owners
 
-#import bevy_plenoctree::batch::{BATCH, WORDS_OF_BATCH, batch_of, list_of}
+#import bevy_plenoctree::batch::{BATCH, WORDS_OF_EDGES, batch_of, list_of}
 #import bevy_plenoctree::color::to_half
 #import bevy_plenoctree::edge::{
     MASK_OF_EDGES, MASK_OF_PROPS, RAYS, neighbor, ray_offset, sample_of, thinned, word_at, word_of,
@@ -15,9 +15,8 @@
 @group(2) @binding(0) var<storage, read_write> coverage: array<u32>;
 @group(2) @binding(1) var own_rays: texture_storage_2d<rgba16float, write>;
 @group(2) @binding(2) var other_rays: texture_storage_2d<rgba16float, write>;
-// The number of pixels in every batch of every list, and which they are.
-@group(2) @binding(3) var<storage, read_write> counts: array<atomic<u32>>;
-@group(2) @binding(4) var<storage, read_write> edges: array<atomic<u32>>;
+// Which pixels are in the batches of every list.
+@group(2) @binding(3) var<storage, read_write> edges: array<atomic<u32>>;
 
 // A pixel, and whether it is at an edge.
 struct Edge {
@@ -127,9 +126,8 @@ fn edge_at(
 // Adds a pixel to a list of a prop: to a batch of it.
 fn list(pixel: vec2<u32>, prop: u32, part: u32) {
     let batch = batch_of(pixel, list_of(prop, part));
-    atomicAdd(&counts[batch], 1u);
-    let bit = pixel.y % BATCH * BATCH + pixel.x % BATCH;
-    atomicOr(&edges[batch * WORDS_OF_BATCH + bit / 32u], 1u << (bit % 32u));
+    let place = pixel.y % BATCH * BATCH + pixel.x % BATCH;
+    atomicOr(&edges[WORDS_OF_EDGES * batch + place / 32u], 1u << (place % 32u));
 }
 
 #ifdef ESTIMATES

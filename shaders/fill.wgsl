@@ -2,24 +2,26 @@
 // takes the pixels of other gaps from where their batches were drawn.
 
 #import bevy_plenoctree::batch::{
-    AGREES, BATCH, EMPTY, GAPS_ACROSS, PIXELS_OF_GAP, SPACING, place_in_batch, ray_around,
+    BATCH, EMPTY, GAPS_ACROSS, NEEDS_RAYS, PIXELS_OF_GAP, SPACING, WORDS_OF_GAPS, batch_of, place_in_batch, place_of_gap,
+    ray_around,
 }
 #import bevy_plenoctree::color::to_half
 #import bevy_plenoctree::view::is_solid
 
-// The result of the check pass.
+// The results of the check pass.
 @group(1) @binding(0) var gaps: texture_2d<u32>;
+@group(1) @binding(1) var<storage, read> listed_gaps: array<u32>;
 // The rays of the grid.
-@group(1) @binding(1) var color: texture_2d<f32>;
-@group(1) @binding(2) var owner: texture_2d<f32>;
-@group(1) @binding(3) var depth: texture_depth_2d;
+@group(1) @binding(2) var color: texture_2d<f32>;
+@group(1) @binding(3) var owner: texture_2d<f32>;
+@group(1) @binding(4) var depth: texture_depth_2d;
 // The batches.
-@group(1) @binding(4) var batched_color: texture_2d<f32>;
-@group(1) @binding(5) var batched_owner: texture_2d<f32>;
-@group(1) @binding(6) var batched_depth: texture_depth_2d;
+@group(1) @binding(5) var batched_color: texture_2d<f32>;
+@group(1) @binding(6) var batched_owner: texture_2d<f32>;
+@group(1) @binding(7) var batched_depth: texture_depth_2d;
 #ifdef MOTION
-@group(1) @binding(7) var motion: texture_2d<f32>;
-@group(1) @binding(8) var batched_motion: texture_2d<f32>;
+@group(1) @binding(8) var motion: texture_2d<f32>;
+@group(1) @binding(9) var batched_motion: texture_2d<f32>;
 #endif
 
 struct Fragment {
@@ -32,19 +34,30 @@ struct Fragment {
 #endif
 }
 
+// Returns the index of a gap in its batch.
+fn index_of(gap: vec2<u32>) -> u32 {
+    let first = WORDS_OF_GAPS * batch_of(gap * SPACING, 0u);
+    let place = place_of_gap(gap);
+    var index = countOneBits(listed_gaps[first + place / 32u] & ((1u << (place % 32u)) - 1u));
+    for (var word = 0u; word < place / 32u; word++) {
+        index += countOneBits(listed_gaps[first + word]);
+    }
+    return index;
+}
+
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
     let pixel = vec2<u32>(position.xy);
     let gap = pixel / SPACING;
     let beyond = pixel % SPACING;
     let found = textureLoad(gaps, gap, 0).x;
-    let is_batched = found != AGREES && found != EMPTY && any(beyond > vec2(0u));
+    let is_batched = found == NEEDS_RAYS && any(beyond > vec2(0u));
     // The pixel may hold what was drawn before.
     var filled = Fragment();
 
     let batched = select(0u, 1u, is_batched);
     for (var i = 0u; i < batched; i++) {
-        let index = (found - 1u) * PIXELS_OF_GAP + beyond.y * SPACING + beyond.x - 1u;
+        let index = index_of(gap) * PIXELS_OF_GAP + beyond.y * SPACING + beyond.x - 1u;
         let at = BATCH * (gap / GAPS_ACROSS) + place_in_batch(index);
         filled.color = textureLoad(batched_color, at, 0);
         filled.owner = textureLoad(batched_owner, at, 0);

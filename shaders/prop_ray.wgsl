@@ -2,7 +2,7 @@
 #define_import_path bevy_plenoctree::prop_ray
 
 #import bevy_plenoctree::batch::{
-    BATCH, GAPS_ACROSS, MOST_GAPS, PIXELS_OF_GAP, SPACING, batch_of, counts, index_in_batch,
+    BATCH, GAPS_ACROSS, NO_ELEMENT, PIXELS_OF_GAP, SPACING, batch_of, index_in_batch, place_of_element,
 }
 #import bevy_plenoctree::octree::{Crossing, Ray, begin, clip, density, field, has_ended, make_ray, next_leaf}
 #import bevy_plenoctree::view::{Prop, distance_from_depth, props, scene_depth_at, solid_depth, view}
@@ -14,11 +14,6 @@ struct Varying {
     // The part of the ray to draw, in the volume pass.
     @location(1) @interpolate(flat) part: u32,
 }
-
-#ifdef BATCHED
-// The result of the check pass: the gaps of every batch.
-@group(0) @binding(9) var<storage, read> gaps: array<u32>;
-#endif
 
 struct PropRay {
     // The point of the viewport, in pixels.
@@ -36,12 +31,9 @@ fn prop_ray(in: Varying) -> PropRay {
     var pixel = vec2<u32>(in.position.xy) * view.spacing;
 #ifdef BATCHED
     let place = vec2<u32>(in.position.xy);
-    let batch = batch_of(place, 0u);
     let index = index_in_batch(place % BATCH);
-    let element = index / PIXELS_OF_GAP;
-    let is_listed = element < counts[batch];
-    let word = gaps[batch * MOST_GAPS + select(0u, element, is_listed)];
-    let gap = vec2(word % GAPS_ACROSS, word / GAPS_ACROSS);
+    let element = place_of_element(batch_of(place, 0u), index / PIXELS_OF_GAP);
+    let gap = vec2(element % GAPS_ACROSS, element / GAPS_ACROSS % GAPS_ACROSS);
     // The first pixel is the ray of the grid.
     let pixel_of_gap = index % PIXELS_OF_GAP + 1u;
     let beyond = vec2(pixel_of_gap % SPACING, pixel_of_gap / SPACING);
@@ -52,7 +44,7 @@ fn prop_ray(in: Varying) -> PropRay {
     seen.span.y = min(seen.span.y, position_at(seen, in.prop, scene_depth_at(pixel, 0u)));
 #endif
 #ifdef BATCHED
-    seen.span.y = select(seen.span.x, seen.span.y, is_listed);
+    seen.span.y = select(seen.span.y, seen.span.x, element == NO_ELEMENT);
 #endif
     return seen;
 }

@@ -171,7 +171,7 @@ fn key(result: CachedResult, passes: &[Pass], textures: &Textures, buffers: &Vie
                 Slot::Lit => lit.hash.hash(&mut hasher),
                 Slot::Shades => shades.hash.hash(&mut hasher),
                 // The GPU compares the scene, and batches are only read in frames in which they are written.
-                Slot::Scene | Slot::BatchCounts | Slot::BatchGaps | Slot::BatchEdges => {}
+                Slot::Scene | Slot::BatchGaps | Slot::BatchEdges => {}
                 Slot::Coverage => textures.buffer(slot).map(|buffer| buffer.id()).hash(&mut hasher),
                 _ => textures.get(slot).map(|view| view.id()).hash(&mut hasher),
             }

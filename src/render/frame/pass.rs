@@ -142,7 +142,7 @@ pub(in crate::render) enum FirstGroup {
     View,
     /// The same, and the depth of the scene, with so many samples per pixel.
     SceneDepth(u32),
-    /// The same, and the batches: the number of elements of each, and what says which they are.
+    /// The same, and what says which elements are in each batch.
     Batches(u32, Slot),
     /// Bevy's lights and fog.
     Lights,

@@ -184,7 +184,6 @@ impl Pipelines {
         }
         if let FirstGroup::Batches(..) = group {
             entries.push(storage_buffer_read_only_sized(false, None).build(8, both));
-            entries.push(storage_buffer_read_only_sized(false, None).build(9, fragment));
         }
         BindGroupLayoutDescriptor::new("plenoctree_view", &entries)
     }

@@ -211,9 +211,8 @@ fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext
                 let scene_depth = if is_saved { textures.get(Slot::SceneDepth)? } else { frame.depth.view() };
                 resources.push(BindingResource::TextureView(scene_depth));
             }
-            if let FirstGroup::Batches(_, elements) = group {
-                let batches = [Slot::BatchCounts, elements].map(|slot| textures.buffer(slot));
-                resources.extend(batches.into_iter().flatten().map(|buffer| buffer.as_entire_binding()));
+            if let FirstGroup::Batches(_, list) = group {
+                resources.push(textures.buffer(list)?.as_entire_binding());
             }
             let layout = frame.pipelines.first_layout(group);
             Some((bind(ctx.render_device(), cache, &layout, &resources), &[][..]))

@@ -18,11 +18,9 @@ pub(in crate::render) enum Slot {
     Lit,
     /// The color that each label shows in each band of light.
     Shades,
-    /// The number of gaps in each batch, and later of the pixels at edges that need rays, one list after another.
-    BatchCounts,
-    /// The places of gaps in the squares of their batches.
+    /// Which gaps of each square are in its batch: row by row, a bit per gap.
     BatchGaps,
-    /// Where these pixels are in the squares of their batches: row by row, a bit per pixel, one list after another.
+    /// The same for pixels at edges that need rays, one list after another.
     BatchEdges,
     /// The colors of the scene, as passes read them in the camera's target.
     Scene,
@@ -136,13 +134,13 @@ impl Slot {
             Self::EdgeMask => Depth16Unorm,
             Self::Nearest(_) | Self::Opaque(_) => R32Uint,
             Self::ShadowTile => TILE_FORMAT,
-            Self::Gaps => R16Uint,
+            Self::Gaps => R8Uint,
             Self::Outline | Self::Labels | Self::FormerLabels => Rg16Uint,
             Self::Light => Rgba8Unorm,
             Self::Even | Self::Odd => Rgba32Uint,
             Self::Objects | Self::ObjectSamples | Self::Scene | Self::Target => return None,
             Self::View | Self::Screen | Self::Lit | Self::Shades => return None,
-            Self::BatchCounts | Self::BatchGaps | Self::BatchEdges | Self::Coverage => return None,
+            Self::BatchGaps | Self::BatchEdges | Self::Coverage => return None,
         })
     }
 
@@ -155,7 +153,7 @@ impl Slot {
     /// Returns whether it is a storage buffer.
     pub fn is_buffer(self) -> bool {
         use Slot::*;
-        matches!(self, Lit | Shades | BatchCounts | BatchGaps | BatchEdges | Coverage)
+        matches!(self, Lit | Shades | BatchGaps | BatchEdges | Coverage)
     }
 
     /// Returns whether it has the size of the camera's target.
@@ -174,7 +172,6 @@ impl Slot {
     }
 }
 
-/// The largest number of gaps in a batch.
-pub(super) const MOST_GAPS: u32 = (BATCH / SPACING).pow(2);
-/// The words that say which pixels of a square are in a batch.
-pub(super) const WORDS_OF_BATCH: u32 = BATCH * BATCH / 32;
+/// The words that say which gaps, or which pixels at edges, of a square are in its batch. They match `batch.wgsl`.
+pub(super) const WORDS_OF_GAPS: u32 = (BATCH / SPACING).pow(2) / 32;
+pub(super) const WORDS_OF_EDGES: u32 = BATCH.pow(2) / 32;

@@ -11,7 +11,7 @@ use bevy::{
 
 use super::{
     pass::Pass,
-    slot::{MOST_GAPS, Slot, WORDS_OF_BATCH},
+    slot::{Slot, WORDS_OF_EDGES, WORDS_OF_GAPS},
 };
 use crate::{
     gpu::Allocator,
@@ -82,13 +82,12 @@ impl Textures {
 
     /// Creates what a slot holds, unless it exists or belongs to others. Returns whether there is enough memory.
     fn create(&mut self, device: &RenderDevice, slot: Slot, plan: &Plan) -> bool {
-        let (batches, lists) = (batches(self.size).element_product(), plan.edge_lists());
+        let batches = batches(self.size).element_product();
         match slot {
             Slot::View | Slot::Screen | Slot::Lit | Slot::Shades => true,
             Slot::Scene | Slot::Target | Slot::TargetDepth | Slot::PrepassMotion => true,
-            Slot::BatchCounts => self.create_buffer(device, slot, lists * batches),
-            Slot::BatchGaps => self.create_buffer(device, slot, batches * MOST_GAPS),
-            Slot::BatchEdges => self.create_buffer(device, slot, lists * batches * WORDS_OF_BATCH),
+            Slot::BatchGaps => self.create_buffer(device, slot, batches * WORDS_OF_GAPS),
+            Slot::BatchEdges => self.create_buffer(device, slot, plan.edge_lists() * batches * WORDS_OF_EDGES),
             Slot::Coverage => self.create_buffer(device, slot, self.size.element_product()),
             _ => self.create_texture(device, slot, plan),
         }

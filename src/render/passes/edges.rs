@@ -45,15 +45,14 @@ pub(super) fn outlining(plan: &Plan, pass: Pass) -> Pass {
         let program = program.define_number("SAMPLES", Some(plan.samples));
         program.depth_test(CompareFunction::Always, true)
     };
-    let batches = [Slot::BatchCounts, Slot::BatchEdges];
     Pass {
         feature: Feature::Edges,
         group: FirstGroup::SceneDepth(plan.samples),
-        stores: [&FOUND[..], &batches].concat(),
+        stores: [&FOUND[..], &[Slot::BatchEdges]].concat(),
         writes: [&pass.writes[..], &[Slot::Outline]].concat(),
         depth: Some(Slot::EdgeMask),
         covers_all: true,
-        zeroes: batches.to_vec(),
+        zeroes: vec![Slot::BatchEdges],
         programs: pass.programs.into_iter().map(define).collect(),
         ..pass
     }

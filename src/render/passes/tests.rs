@@ -335,10 +335,10 @@ fn small_props_take_little_memory_and_large_ones_what_their_pixels_need() {
     let kinds = [
         ("as trained", None, 20.5),
         ("hard edges", Some(hard()), 57.0),
-        ("smooth edges", Some(Posterize::paper()), 91.15),
-        ("smooth edges and borders", Some(Posterize { steadiness: 0.0, ..default() }), 95.15),
+        ("smooth edges", Some(Posterize::paper()), 91.13),
+        ("smooth edges and borders", Some(Posterize { steadiness: 0.0, ..default() }), 95.13),
         // What is known of the former frame has a single pixel.
-        ("steady labels", Some(Posterize::default()), 95.151),
+        ("steady labels", Some(Posterize::default()), 95.131),
     ];
     let mut view = app(None, |_| ());
     for (what, posterize, most) in kinds {

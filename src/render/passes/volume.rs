@@ -191,10 +191,10 @@ pub(super) fn check(plan: &Plan) -> Pass {
         feature: Feature::Sparse,
         group: FirstGroup::SceneDepth(plan.samples),
         reads: vec![vec![color, owner, depth]],
-        stores: vec![Slot::BatchCounts, Slot::BatchGaps],
+        stores: vec![Slot::BatchGaps],
         writes: vec![Slot::Gaps],
         covers_all: true,
-        zeroes: vec![Slot::BatchCounts],
+        zeroes: vec![Slot::BatchGaps],
         ..Pass::fullscreen(CHECK, Place::Layer, Some(CachedResult::Layer), vec![Program::new("check")])
     }
 }
@@ -204,7 +204,7 @@ pub(super) fn fill(plan: &Plan) -> Pass {
     let of = |slot: fn(RaySet) -> Slot| [RaySet::Grid, RaySet::Batches].map(slot);
     let [[color, batched_color], [owner, batched_owner], [depth, batched_depth]] =
         [of(Slot::Color), of(Slot::Owner), of(Slot::Depth)];
-    let mut reads = vec![Slot::Gaps, color, owner, depth, batched_color, batched_owner, batched_depth];
+    let mut reads = vec![Slot::Gaps, Slot::BatchGaps, color, owner, depth, batched_color, batched_owner, batched_depth];
     if plan.has_motion {
         reads.extend(of(Slot::Motion));
     }
