@@ -80,7 +80,9 @@ fn sliders(ui: &mut egui::Ui, settings: &mut ExtractionSettings) -> bool {
             let hint = "Square root of the number of rays that are averaged per direction";
             let multisamples = row(ui, "Multisamples", hint, egui::Slider::new(multisamples, 1..=4));
             let hint = "Fraction of the leaves to sample; lower is faster";
-            let leaves = row(ui, "Leaves", hint, egui::Slider::new(sample_fraction, 0.01..=1.0).max_decimals(2));
+            let mut fraction = sample_fraction.unwrap_or(1.0);
+            let leaves = row(ui, "Leaves", hint, egui::Slider::new(&mut fraction, 0.01..=1.0).max_decimals(2));
+            *sample_fraction = if leaves { Some(fraction) } else { *sample_fraction };
             let hint = "Fraction of the visible weight above which a color starts a cluster; lower finds rarer colors";
             let threshold = egui::Slider::new(coarse_threshold, 1e-4..=0.1).logarithmic(true).max_decimals(4);
             let threshold = row(ui, "Threshold", hint, threshold);

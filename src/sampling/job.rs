@@ -102,7 +102,7 @@ impl SamplingJob {
         settings: ExtractionSettings,
         progress: Arc<Progress>,
     ) -> Result<Self, Canceled> {
-        let plan = SamplingPlan::new(&field, &settings.sampling, &progress)?;
+        let plan = SamplingPlan::new(&field, &settings.sampling_of(&field), &progress)?;
         let leaves = plan.leaves.into_iter().map(|cell| {
             let center = (2 * cell.corner + cell.size) << (MAX_DEPTH - field.depth());
             if progress.is_canceled() { Err(Canceled) } else { Ok([center.x, center.y, center.z, cell.leaf]) }

@@ -101,7 +101,7 @@ fn draw<M>(
     .unwrap();
     let target = headless.target();
     let world = headless.app.world_mut();
-    world.resource_mut::<PaletteExtraction>().settings.sampling.sample_fraction = 0.03;
+    world.resource_mut::<PaletteExtraction>().settings.sampling.sample_fraction = Some(0.03);
     let field = world.resource::<AssetServer>().load("toadstool.plenoctree");
     if let Some(palette) = palette {
         world.resource_mut::<Palettes>().insert(&field, palette);

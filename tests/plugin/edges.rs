@@ -91,7 +91,7 @@ impl Scene {
         static PALETTES: Mutex<BTreeMap<&str, Palette>> = Mutex::new(BTreeMap::new());
         let field = included(name);
         let extracted = || {
-            let sampling = SamplingSettings { sample_fraction: 0.03, ..default() };
+            let sampling = SamplingSettings { sample_fraction: Some(0.03), ..default() };
             let fitted = ExtractionSettings { method: PaletteMethod::Fitted, sampling, ..default() };
             extract(&field, &fitted, &Progress::default()).unwrap().palette
         };

@@ -31,7 +31,7 @@ fn the_example_extract_finds_the_palette_of_the_cpu_on_the_gpu() {
     });
     stage.close();
     let sampling = &mut stage.world().resource_mut::<PaletteExtraction>().settings.sampling;
-    (sampling.sample_fraction, sampling.directions) = (0.03, 1);
+    (sampling.sample_fraction, sampling.directions) = (Some(0.03), 1);
     let props = |stage: &mut Stage| {
         let world = stage.world();
         world.query::<&Prop>().iter(world).map(|prop| prop.0.clone()).collect::<Vec<_>>()

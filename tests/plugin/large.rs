@@ -68,7 +68,7 @@ fn five_and_a_half_million_leaves_are_read_drawn_and_sampled() {
     assert_eq!(wrong.count(), 0);
 
     let settings =
-        ExtractionSettings { sampling: SamplingSettings { sample_fraction: 0.01, ..default() }, ..default() };
+        ExtractionSettings { sampling: SamplingSettings { sample_fraction: Some(0.01), ..default() }, ..default() };
     let extraction = palette::extract(&field, &settings, &default()).unwrap();
     assert!(extraction.palette.colors.len() > 6 && !extraction.palette.ramps.is_empty());
 }

@@ -221,7 +221,7 @@ fn extraction_keeps_no_other_task_waiting() {
     let pool = AsyncComputeTaskPool::get();
     let fields: Vec<_> = (0..pool.thread_num()).map(|index| load(&app, index)).collect();
     wait(&mut app, &fields).unwrap();
-    app.world_mut().resource_mut::<PaletteExtraction>().settings.sampling.sample_fraction = 0.25;
+    app.world_mut().resource_mut::<PaletteExtraction>().settings.sampling.sample_fraction = Some(0.25);
     for field in &fields {
         app.world_mut().spawn((Prop(field.clone()), Posterize::default()));
     }

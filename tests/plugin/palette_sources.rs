@@ -118,7 +118,7 @@ fn the_toadstool_is_sampled_when_it_arrives() {
         let mut extraction = stage.world().resource_mut::<PaletteExtraction>();
         extraction.sampler = sampler;
         let sampling = &mut extraction.settings.sampling;
-        (sampling.sample_fraction, sampling.directions) = (0.01, 1);
+        (sampling.sample_fraction, sampling.directions) = (Some(0.01), 1);
         let field = stage.resource::<AssetServer>().load("toadstool.plenoctree");
         stage.spawn((Prop(field.clone()), Posterize::default()));
         stage.wait();

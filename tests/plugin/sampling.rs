@@ -300,7 +300,7 @@ fn a_fraction_of_the_leaves_represents_all() {
     let whole = sample(&field, &SamplingSettings::default(), &Progress::default()).unwrap();
     for fraction in [0.5, 0.2] {
         let settings = ExtractionSettings {
-            sampling: SamplingSettings { sample_fraction: fraction, ..default() },
+            sampling: SamplingSettings { sample_fraction: Some(fraction), ..default() },
             ..Default::default()
         };
         let some = sample(&field, &settings.sampling, &Progress::default()).unwrap();

@@ -46,9 +46,9 @@ pub fn extraction() -> Vec<(&'static str, String, ExtractionSettings)> {
         |sampling| ExtractionSettings { sampling, method: PaletteMethod::Fitted, ..ExtractionSettings::default() };
     let exact = SamplingSettings::default();
     let mut all = vec![("extraction", "exact".into(), settings(exact.clone()))];
-    for sample_fraction in [0.5, 0.25, 0.1] {
-        let sampling = SamplingSettings { sample_fraction, ..exact.clone() };
-        all.push(("sample_fraction", sample_fraction.to_string(), settings(sampling)));
+    for fraction in [0.5, 0.25, 0.1] {
+        let sampling = SamplingSettings { sample_fraction: Some(fraction), ..exact.clone() };
+        all.push(("sample_fraction", fraction.to_string(), settings(sampling)));
     }
     all.push(("directions", "1".into(), settings(SamplingSettings { directions: 1, ..exact.clone() })));
     all.push(("multisamples", "1".into(), settings(SamplingSettings { multisamples: 1, ..exact })));

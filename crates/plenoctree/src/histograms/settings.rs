@@ -41,9 +41,9 @@ pub struct SamplingSettings {
     /// [`Self::MAX_RAYS`] rays.
     pub multisamples: usize,
     /// Fraction of the leaves to sample, spread evenly over the field. Less is faster, but shifts the colors of hulls
-    /// and fitted palettes. Tones do not depend on it, unless a tolerance decides how many there are. More than 0 and
-    /// at most 1, 1 by default.
-    pub sample_fraction: f64,
+    /// and fitted palettes. More than 0 and at most 1. `None`, the default, stands for 1, except that the extraction of
+    /// tones does with less: see `ExtractionSettings::sampling_of`.
+    pub sample_fraction: Option<f64>,
     /// Transmittance below which a leaf counts as hidden. At least 0 and less than 1, 1e-2 by default.
     pub stop_transmittance: f64,
     /// Bins per channel of the fine histogram, which k-means clusters. 1 to 64, 32 by default.
@@ -58,7 +58,7 @@ impl Default for SamplingSettings {
             observers: ObserverRegion::UpperHemisphere,
             directions: 2,
             multisamples: 2,
-            sample_fraction: 1.0,
+            sample_fraction: None,
             stop_transmittance: 1e-2,
             fine_bins: 32,
             coarse_bins: 8,
@@ -115,7 +115,7 @@ impl SamplingSettings {
         let rays = self.direction_cells() * self.multisamples.pow(2);
         let expected = "at most 4096, the number of direction cells times multisamples squared";
         count("rays", rays, Self::MAX_RAYS, expected)?;
-        let fraction = self.sample_fraction;
+        let fraction = self.sample_fraction.unwrap_or(1.0);
         let holds = fraction > 0.0 && fraction <= 1.0;
         InvalidSetting::check(holds, "sample_fraction", fraction, "more than 0 and at most 1")?;
         let stop = self.stop_transmittance;
@@ -159,7 +159,7 @@ mod tests {
                 SamplingSettings { observers: ObserverRegion::Sphere, directions: 32, multisamples: 1, ..default() },
                 "rays",
             ),
-            (SamplingSettings { sample_fraction: 0.0, ..default() }, "sample_fraction"),
+            (SamplingSettings { sample_fraction: Some(0.0), ..default() }, "sample_fraction"),
             (SamplingSettings { stop_transmittance: 1.0, ..default() }, "stop_transmittance"),
             (SamplingSettings { fine_bins: 0, ..default() }, "fine_bins"),
             (SamplingSettings { fine_bins: 65, ..default() }, "fine_bins"),

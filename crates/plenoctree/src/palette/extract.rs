@@ -117,7 +117,7 @@ pub fn extract_with(
 ) -> Result<(Extraction, Histograms), ExtractionError> {
     settings.validate()?;
     let start = Instant::now();
-    let histograms = sampler(&settings.sampling)?;
+    let histograms = sampler(&settings.sampling_of(field))?;
     let views = View::all(field, &settings.view_rays(field), progress)?;
     let sampling = start.elapsed().as_secs_f64();
     let mut extraction = extract_from_samples(&histograms, &views, settings, progress)?;

@@ -72,6 +72,20 @@ impl ExtractionSettings {
         Progress::new(if self.method == PaletteMethod::Tones { 0.5 } else { 1.0 })
     }
 
+    /// The number of leaves that are sampled at most where the palette does not depend on it: see
+    /// [`sampling_of`](Self::sampling_of).
+    pub const ENOUGH_LEAVES: usize = 1 << 16;
+
+    /// Returns the settings of radiance sampling for a field. Tones are found in views, and histograms only say how far
+    /// they are from the field's colors, unless a tolerance decides how many there are. So where
+    /// [`SamplingSettings::sample_fraction`] is `None`, at most [`Self::ENOUGH_LEAVES`] leaves are sampled for tones.
+    pub fn sampling_of(&self, field: &PlenOctree) -> SamplingSettings {
+        let is_enough = self.method == PaletteMethod::Tones && !matches!(self.colors, ColorCount::Auto { .. });
+        let enough = Self::ENOUGH_LEAVES as f64 / field.leaves().max(1) as f64;
+        let fraction = self.sampling.sample_fraction.or((is_enough && enough < 1.0).then_some(enough));
+        SamplingSettings { sample_fraction: fraction, ..self.sampling.clone() }
+    }
+
     /// Returns the rays of the views that the method looks at, besides a field's histograms: none, unless it is
     /// [`PaletteMethod::Tones`].
     pub fn view_rays(&self, field: &PlenOctree) -> Vec<ViewRays> {
@@ -109,13 +123,51 @@ impl ExtractionSettings {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
+    use crate::{
+        bake::{BakeSettings, bake},
+        field::Basis,
+        palette::extract,
+        sampling::SamplingPlan,
+    };
+
+    fn default<T: Default>() -> T {
+        T::default()
+    }
 
     #[test]
     fn defaults_are_those_of_the_paper() {
         let settings = ExtractionSettings::default();
         assert_eq!(settings.validate(), Ok(()));
         assert_eq!(serde_json::from_str::<ExtractionSettings>("{}").unwrap(), settings);
+    }
+
+    /// Only where histograms decide nothing are fewer leaves sampled, and the palette and its error stay the same.
+    #[test]
+    fn tones_of_large_fields_sample_enough_leaves() {
+        let settings = BakeSettings { depth: 7, basis: Basis::Rgba, density_samples: 1, directions: 1, ..default() };
+        let color =
+            |at: DVec3| if at.x.sin() * (9.0 * at.y).sin() > 0.0 { DVec3::X } else { DVec3::new(0.1, 0.5, 0.8) };
+        let field = bake(&settings, |at| if at.length() < 0.9 { 30.0 } else { 0.0 }, |at| move |_| color(at)).unwrap();
+        let leaves = field.leaves();
+        assert!(leaves > 2 * ExtractionSettings::ENOUGH_LEAVES, "{leaves}");
+        let sampled = |settings: &ExtractionSettings| {
+            SamplingPlan::new(&field, &settings.sampling_of(&field), &Progress::default()).unwrap().leaves.len()
+        };
+        let all = SamplingSettings { sample_fraction: Some(1.0), directions: 1, multisamples: 1, ..default() };
+        let few = SamplingSettings { sample_fraction: None, ..all.clone() };
+        let [tones, exact] = [few, all].map(|sampling| ExtractionSettings { sampling, ..default() });
+        assert_eq!((sampled(&tones), sampled(&exact)), (ExtractionSettings::ENOUGH_LEAVES, leaves));
+        for method in [PaletteMethod::Hull, PaletteMethod::Fitted] {
+            assert_eq!(sampled(&ExtractionSettings { method, ..tones.clone() }), leaves);
+        }
+        assert_eq!(sampled(&ExtractionSettings { colors: ColorCount::AUTO, ..tones.clone() }), leaves);
+        let [tones, exact] = [tones, exact].map(|settings| extract(&field, &settings, &Progress::default()).unwrap());
+        assert_eq!(tones.palette, exact.palette);
+        let ratio = tones.report.errors.rmse / exact.report.errors.rmse;
+        assert!((0.97..1.03).contains(&ratio), "{ratio}");
     }
 
     #[test]

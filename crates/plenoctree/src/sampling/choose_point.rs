@@ -62,7 +62,7 @@ impl SamplePoint {
             Ok((seen, left_out))
         };
         let examine = |fraction: f64| -> Result<_, Canceled> {
-            let settings = SamplingSettings { sample_fraction: fraction, ..settings.clone() };
+            let settings = SamplingSettings { sample_fraction: Some(fraction), ..settings.clone() };
             let leaves = chosen_leaves(field, &settings, progress)?;
             let sums: Vec<_> = leaves.par_iter().map(of_leaf).collect::<Result<_, Canceled>>()?;
             Ok(sums.iter().fold((0.0, 0.0), |sum, leaf| (sum.0 + leaf.0, sum.1 + leaf.1)))

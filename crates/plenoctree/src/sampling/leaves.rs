@@ -20,10 +20,11 @@ pub(super) fn chosen_leaves(
         progress.check()?;
         leaves.push(cell);
     }
-    if settings.sample_fraction >= 1.0 {
+    let fraction = settings.sample_fraction.unwrap_or(1.0);
+    if fraction >= 1.0 {
         return Ok(leaves);
     }
-    let strata = (leaves.len() as f64 * settings.sample_fraction).ceil() as usize;
+    let strata = (leaves.len() as f64 * fraction).ceil() as usize;
     let begin = |stratum: usize| (stratum as u128 * leaves.len() as u128 / strata as u128) as usize;
     // The same position in every stratum would alias with the order of the octree.
     let mut random = Random::new(0);
@@ -76,7 +77,7 @@ mod tests {
         let settings = BakeSettings { depth: 4, basis: Basis::Sh1, ..Default::default() };
         let field = bake(&settings, |at| if at.length() < 0.9 { 5.0 } else { 0.0 }, |_| |_| DVec3::ONE).unwrap();
         for fraction in [1.0, 0.7, 0.5, 0.1, 0.01] {
-            let settings = SamplingSettings { sample_fraction: fraction, ..Default::default() };
+            let settings = SamplingSettings { sample_fraction: Some(fraction), ..Default::default() };
             let chosen = chosen_leaves(&field, &settings, &Progress::default()).unwrap();
             let distinct: HashSet<u32> = chosen.iter().map(|cell| cell.leaf).collect();
             assert_eq!(distinct.len(), chosen.len());

@@ -2,8 +2,8 @@
 //!
 //! All leaves are seen from the same few directions. Rays in one direction from the centers of equal cells cross the
 //! lattice of cells in the same way. Their path is therefore computed once (`path`) and followed for all leaves of a
-//! block of 8 x 8 x 8 cells together, eight in a row (`blocks`). Trees too deep for a lattice are marched ray by ray
-//! (`march`).
+//! block of 8 x 8 x 8 cells together, eight in a row (`blocks`). In trees that are too deep for a lattice, and from leaves
+//! that are far from each other, rays are marched one by one (`march`).
 
 mod blocks;
 mod choose_point;

@@ -54,9 +54,18 @@ pub fn sample(
         progress.advance(1);
         return Ok(histograms);
     }
-    let blocks = Blocks::new(field, progress)?;
+    let leaves = chosen_leaves(field, settings, progress)?;
+    let blocks = if are_scattered(&leaves) { None } else { Blocks::new(field, progress)? };
     let point = SamplePoint::choose(field, settings, progress)?;
-    Ok(Sampler::new(field, settings, point, blocks, progress)?.run()?)
+    Ok(Sampler::new(field, settings, point, blocks, progress)?.run(&leaves)?)
+}
+
+/// Returns whether hardly any two leaves are in the same block. Then, marching their rays together takes longer than
+/// marching them one by one.
+fn are_scattered(leaves: &[LeafCell]) -> bool {
+    let place = |leaf: &LeafCell| (leaf.corner + leaf.size / 2) / SIDE as u32;
+    // Leaves of a block are consecutive.
+    leaves.chunk_by(|a, b| place(a) == place(b)).count() > leaves.len() / 2
 }
 
 pub(super) struct Sampler<'a> {
@@ -162,10 +171,10 @@ impl<'a> Sampler<'a> {
         Ok(Self { cells: cells.collect::<Result<_, Canceled>>()?, ..self })
     }
 
-    fn run(&self) -> Result<Histograms, Canceled> {
+    /// Samples leaves, each of which stands for as many of the field.
+    fn run(&self, leaves: &[LeafCell]) -> Result<Histograms, Canceled> {
         let progress = self.progress;
-        let chosen = chosen_leaves(self.field, self.settings, progress)?;
-        progress.begin(chosen.len());
+        progress.begin(leaves.len());
         let most = weight_bound(self.field, self.settings, self.point, progress)?;
         let start = || Worker {
             tally: Tally::new(self.settings.fine_bins, self.settings.coarse_bins, most),
@@ -173,7 +182,7 @@ impl<'a> Sampler<'a> {
             coefficients: Vec::new(),
         };
         let tally = self
-            .units(&chosen)?
+            .units(leaves)?
             .par_iter()
             .fold(start, |mut worker, unit| {
                 // Once canceled, the remaining units are skipped, and the samples of this one are discarded.
@@ -186,8 +195,8 @@ impl<'a> Sampler<'a> {
             .reduce(|| start().tally, Tally::merge);
         progress.check()?;
         // Every sampled leaf stands for all leaves of its stratum.
-        let factor = self.field.leaves() as f64 / chosen.len().max(1) as f64;
-        Ok(tally.finish(factor, (chosen.len() * self.cells.len()) as u64))
+        let factor = self.field.leaves() as f64 / leaves.len().max(1) as f64;
+        Ok(tally.finish(factor, (leaves.len() * self.cells.len()) as u64))
     }
 
     /// Returns the leaves in groups. Leaves are in the order of the octree.

@@ -26,9 +26,10 @@ pub struct ExtractionArguments {
     /// labels, above 0 and at most 1; 0.05 by default.
     #[arg(long, requires = "colors", value_parser = parse_fraction)]
     tolerance: Option<f64>,
-    /// The fraction of the leaves to sample, above 0 and at most 1.
-    #[arg(long, default_value_t = 1.0, value_parser = parse_fraction)]
-    sample_fraction: f64,
+    /// The fraction of the leaves to sample, above 0 and at most 1. By default 1; for tones without a tolerance, which do
+    /// not depend on it, as many as say how well the field is shown, unless --histograms are saved.
+    #[arg(long, value_parser = parse_fraction)]
+    sample_fraction: Option<f64>,
     /// The file to save the histograms to, as arrays `fine` and `coarse`. Its name must end in .npz.
     #[arg(long, value_name = "FILE.npz")]
     pub histograms: Option<PathBuf>,
@@ -70,7 +71,8 @@ impl ExtractionArguments {
             (colors, None) => colors,
         };
         let method = self.method.unwrap_or_default();
-        let sampling = SamplingSettings { sample_fraction: self.sample_fraction, ..SamplingSettings::default() };
+        let sample_fraction = self.sample_fraction.or(self.histograms.is_some().then_some(1.0));
+        let sampling = SamplingSettings { sample_fraction, ..SamplingSettings::default() };
         Ok(ExtractionSettings { method, colors, sampling, ..ExtractionSettings::default() })
     }
 }

@@ -63,7 +63,7 @@ fn sample_and_extract(
 ) -> Result<Extracted> {
     match sampling {
         Some(Sampling::Cpu) => cpu::extract(field, settings, quiet),
-        Some(Sampling::Reference) if settings.sampling.sample_fraction < 1.0 => {
+        Some(Sampling::Reference) if settings.sampling.sample_fraction.is_some_and(|fraction| fraction < 1.0) => {
             Err("--sampling reference samples every leaf: omit --sample-fraction".into())
         }
         Some(Sampling::Reference) => cpu::extract_by_reference(field, settings, quiet),

@@ -48,7 +48,7 @@ fn settings(prefix: &[u8]) -> Result<SamplingSettings, ReadFault> {
         fine_bins,
         stop_transmittance: f64::from_le_bytes(std::array::from_fn(|index| prefix[4 + index])),
         coarse_bins: 1,
-        sample_fraction: 1.0,
+        sample_fraction: None,
     };
     settings.validate().map_err(|error| fault(BINS, format!("{} {}", error.setting, error.found), error.expected))?;
     Ok(settings)

@@ -102,7 +102,8 @@ proptest! {
             ..settings(ObserverRegion::Sphere)
         };
         let progress = Progress::default();
-        let run = |blocks| Sampler::new(&field, &settings, point, blocks, &progress).unwrap().run().unwrap();
+        let leaves = chosen_leaves(&field, &settings, &progress).unwrap();
+        let run = |blocks| Sampler::new(&field, &settings, point, blocks, &progress).unwrap().run(&leaves).unwrap();
         let (blocks, single) = (run(blocks(&field)), run(None));
         prop_assert!((blocks.total_weight() - single.total_weight()).abs() <= 1e-5 * single.total_weight());
     }
@@ -167,7 +168,8 @@ fn solid_fields_are_sampled_where_rays_enter_them() {
             assert!(difference(&found, &expected) < 1e-6, "{density}: {}", difference(&found, &expected));
             let single = {
                 let progress = Progress::default();
-                Sampler::new(&field, &settings, SamplePoint::Entry, None, &progress).unwrap().run().unwrap()
+                let leaves = chosen_leaves(&field, &settings, &progress).unwrap();
+                Sampler::new(&field, &settings, SamplePoint::Entry, None, &progress).unwrap().run(&leaves).unwrap()
             };
             assert!(difference(&single, &expected) < 1e-6, "{density}: {}", difference(&single, &expected));
             // Beyond some density, nothing changes any more: rays see the surface.
@@ -215,7 +217,7 @@ fn few_large_leaves_that_hide_all_others_are_found() {
     let field =
         PlenOctree::new(frame, Basis::Rgba, Activation::Identity, UpAxis::Z, nodes, densities, coefficients).unwrap();
     let (settings, progress) = (settings(ObserverRegion::UpperHemisphere), Progress::default());
-    let few = SamplingSettings { sample_fraction: 4096.0 / f64::from(leaves), ..settings.clone() };
+    let few = SamplingSettings { sample_fraction: Some(4096.0 / f64::from(leaves)), ..settings.clone() };
     assert!(chosen_leaves(&field, &few, &progress).unwrap().iter().all(|leaf| leaf.size == 1));
     assert_eq!(SamplePoint::choose(&field, &settings, &progress), Ok(SamplePoint::Entry));
 }
