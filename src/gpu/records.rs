@@ -152,10 +152,14 @@ impl Records {
             Content::Leaf(leaf) => return [0, 0, leaf, LEAF | level],
             Content::Node(node) => &field.nodes()[node as usize],
         };
-        // The 64 parts by octant, and whether each octant is a single leaf.
+        // The 64 parts by octant, and whether each octant is a single leaf, which then counts as its first part.
         let octants = node.map(|cell| match cell.into() {
             Content::Node(node) => (field.nodes()[node as usize].map(Content::from), false),
-            leaf @ Content::Leaf(_) => ([leaf; 8], true),
+            leaf @ Content::Leaf(_) => {
+                let mut parts = [Content::Empty; 8];
+                parts[0] = leaf;
+                (parts, true)
+            }
             Content::Empty => ([Content::Empty; 8], false),
         });
         let (mut mask, mut merged) = (0u64, 0);
@@ -164,10 +168,6 @@ impl Records {
             for (index, _) in parts.iter().enumerate().filter(|(_, part)| !matches!(part, Content::Empty)) {
                 mask |= 1 << (8 * octant + index);
             }
-        }
-        // A leaf that fills an octant sets only the octant's first bit.
-        for octant in (0..8).filter(|octant| merged >> octant & 1 == 1) {
-            mask &= !(0xfe << (8 * octant));
         }
         if level + 2 == self.depth {
             let first = octants.iter().flat_map(|(parts, _)| parts).find_map(|part| match part {
@@ -183,9 +183,8 @@ impl Records {
         self.children.resize(first + mask.count_ones() as usize, [EMPTY; 4]);
         let mut next = first;
         for (parts, is_leaf) in octants {
-            let (count, level) = if is_leaf { (1, level + 1) } else { (8, level + 2) };
-            for part in parts.into_iter().take(count).filter(|part| !matches!(part, Content::Empty)) {
-                self.children[next] = self.record(field, part, level);
+            for part in parts.into_iter().filter(|part| !matches!(part, Content::Empty)) {
+                self.children[next] = self.record(field, part, level + if is_leaf { 1 } else { 2 });
                 next += 1;
             }
         }

@@ -2,8 +2,8 @@
 //! section 4 of the method, step 6. The edges of the paper are hard.
 //!
 //! The *outline* pass finds the pixels at the edges of props, and the owners that may cover parts of them: from opacity
-//! where it says enough. It lists the others in batches, for each field. The *coverage* pass marches several rays through each of
-//! these, side by side: edges are thin, and graphics cards gain nothing by leaving out single pixels.
+//! where it says enough. It lists the others in batches, for each field. The *coverage* pass marches several rays through
+//! each of these, side by side: edges are thin, and graphics cards gain nothing by leaving out single pixels.
 
 use bevy::{prelude::*, render::render_resource::CompareFunction};
 

@@ -1,6 +1,6 @@
 //! Samples radiance on all cores.
 
-use glam::{DVec3, IVec3};
+use glam::{DVec3, IVec3, UVec3};
 use rayon::prelude::*;
 
 use super::{
@@ -63,9 +63,14 @@ pub fn sample(
 /// Returns whether hardly any two leaves are in the same block. Then, marching their rays together takes longer than
 /// marching them one by one.
 fn are_scattered(leaves: &[LeafCell]) -> bool {
-    let place = |leaf: &LeafCell| (leaf.corner + leaf.size / 2) / SIDE as u32;
     // Leaves of a block are consecutive.
-    leaves.chunk_by(|a, b| place(a) == place(b)).count() > leaves.len() / 2
+    leaves.chunk_by(|a, b| place_of(a).0 == place_of(b).0).count() > leaves.len() / 2
+}
+
+/// Returns the place of the block in which the center of a leaf is, in blocks, and the cell of the block there.
+fn place_of(leaf: &LeafCell) -> (UVec3, UVec3) {
+    let center = leaf.corner + leaf.size / 2;
+    (center / SIDE as u32, center % SIDE as u32)
 }
 
 pub(super) struct Sampler<'a> {
@@ -158,7 +163,7 @@ impl<'a> Sampler<'a> {
         let finest = f64::from(1u32 << field.depth());
         let extent = match (&self.blocks, field.cell_bounds()) {
             (Some(_), Some((low, high))) => high - low,
-            _ => glam::UVec3::ZERO,
+            _ => UVec3::ZERO,
         };
         let ray = |observer: DVec3| {
             progress.check()?;
@@ -212,8 +217,8 @@ impl<'a> Sampler<'a> {
                 continue;
             }
             let side = SIDE as u32;
-            let center = cell.corner + cell.size / 2;
-            let (place, inside) = ((center / side).as_ivec3(), center % side);
+            let (place, inside) = place_of(&cell);
+            let place = place.as_ivec3();
             let (row, lane) = ((inside.x * side + inside.y) as usize, inside.z as usize);
             let leaf = BlockLeaf { leaf: cell.leaf, size: cell.size, row, lane };
             let start = Start::of(cell.size);
