@@ -74,7 +74,7 @@ impl ExtractionSettings {
 
     /// The number of leaves that are sampled at most where the palette does not depend on it: see
     /// [`sampling_of`](Self::sampling_of).
-    pub const ENOUGH_LEAVES: usize = 1 << 16;
+    pub const ENOUGH_LEAVES: usize = 1 << 14;
 
     /// Returns the settings of radiance sampling for a field. Tones are found in views, and histograms only say how far
     /// they are from the field's colors, unless a tolerance decides how many there are. So where
@@ -147,7 +147,7 @@ mod tests {
     /// Only where histograms decide nothing are fewer leaves sampled, and the palette and its error stay the same.
     #[test]
     fn tones_of_large_fields_sample_enough_leaves() {
-        let settings = BakeSettings { depth: 7, basis: Basis::Rgba, density_samples: 1, directions: 1, ..default() };
+        let settings = BakeSettings { depth: 6, basis: Basis::Rgba, density_samples: 1, directions: 1, ..default() };
         let color =
             |at: DVec3| if at.x.sin() * (9.0 * at.y).sin() > 0.0 { DVec3::X } else { DVec3::new(0.1, 0.5, 0.8) };
         let field = bake(&settings, |at| if at.length() < 0.9 { 30.0 } else { 0.0 }, |at| move |_| color(at)).unwrap();

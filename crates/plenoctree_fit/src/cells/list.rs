@@ -32,6 +32,15 @@ impl Cells {
         all
     }
 
+    /// Drops all but the first `count` cells.
+    pub fn truncate(&mut self, count: usize) {
+        self.colors.truncate(count * self.stride());
+        self.codes.truncate(count);
+        self.levels.truncate(count);
+        self.thickness.truncate(count);
+        self.seen.truncate(count);
+    }
+
     pub fn len(&self) -> usize {
         self.codes.len()
     }

@@ -19,7 +19,11 @@ const PRICE_STEPS: usize = 14;
 
 /// A tree over the cells of a block: the cells, and larger ones that could stand for them.
 pub struct Tree {
-    /// All cells that are not empty, each after those that it is made of.
+    /// The lowest price per cell for which it can be cut.
+    price: f32,
+    /// The levels that cells of a cut may have: the first and the last one.
+    levels: [u8; 2],
+    /// The cells that a cut may have, each after those that it is made of.
     cells: Cells,
     /// The index of the first cell of each cell's subtree.
     starts: Vec<u32>,
@@ -43,9 +47,10 @@ impl Cut {
 }
 
 impl Tree {
-    /// Builds the tree of cells that are all in one block.
-    pub fn new(cells: &Cells) -> Self {
-        let mut tree = Self { cells: Cells::default(), starts: Vec::new(), errors: Vec::new() };
+    /// Builds the tree of cells that are all in one block, without those that no cut has for at least this `price` per
+    /// cell, or that do not have these `levels`.
+    pub fn new(cells: &Cells, price: f32, levels: [u8; 2]) -> Self {
+        let mut tree = Self { price, levels, cells: Cells::default(), starts: Vec::new(), errors: Vec::new() };
         if let Some(first) = cells.codes.first() {
             let block = first >> (3 * BLOCK) << (3 * BLOCK);
             tree.append(cells, &mut 0, block, BLOCK as u8);
@@ -53,8 +58,9 @@ impl Tree {
         tree
     }
 
-    /// Appends a cell and all below it. Returns its index, or `None` if it is empty.
-    fn append(&mut self, cells: &Cells, next: &mut usize, code: u64, level: u8) -> Option<u32> {
+    /// Appends a cell and all below it. Returns its index, and the smallest sum of errors and of prices of it or of cells
+    /// that it is made of, or `None` if it is empty.
+    fn append(&mut self, cells: &Cells, next: &mut usize, code: u64, level: u8) -> Option<(u32, f32)> {
         let first = *cells.codes.get(*next)?;
         if first >= code + (1 << (3 * level)) {
             return None;
@@ -65,25 +71,41 @@ impl Tree {
             self.starts.push(start);
             self.errors.push(0.0);
             *next += 1;
-            return Some(start);
+            return Some((start, self.price));
         }
         let mut parts = [None; 8];
+        let (mut cost, mut below) = (0.0, 0.0);
         for (part, octant) in parts.iter_mut().zip(0u64..) {
-            let below = level - 1;
-            *part = self.append(cells, next, code + (octant << (3 * below)), below);
+            let code = code + (octant << (3 * (level - 1)));
+            if let Some((cell, least)) = self.append(cells, next, code, level - 1) {
+                *part = Some(cell);
+                cost += least;
+                below += self.errors[cell as usize];
+            }
         }
         let merged = Merged::new(&self.cells, parts);
         let area = (1u64 << (2 * level)) as f32;
-        let below: f32 = parts.iter().flatten().map(|part| self.errors[*part as usize]).sum();
+        let error = below + area * merged.seen * merged.lost;
+        if self.stands(level, self.price + error, cost) {
+            // It also does so for any higher price.
+            self.cells.truncate(start as usize);
+            self.starts.truncate(start as usize);
+            self.errors.truncate(start as usize);
+            cost = self.price + error;
+        }
         self.cells.push(code, level, merged.thickness, merged.seen, &merged.color[..cells.stride()]);
         self.starts.push(start);
-        self.errors.push(below + area * merged.seen * merged.lost);
-        Some(self.starts.len() as u32 - 1)
+        self.errors.push(error);
+        Some((self.starts.len() as u32 - 1, cost))
     }
 
-    /// Chooses the cells that have the smallest sum of errors and of `price` per cell, with levels from the first to
-    /// the second of `levels`.
-    pub fn cut(&self, price: f32, [finest, coarsest]: [u8; 2]) -> Cut {
+    /// Returns whether a cell stands for its parts, by the sum of errors and prices of both.
+    fn stands(&self, level: u8, whole: f32, parts: f32) -> bool {
+        level <= self.levels[0] || whole <= parts && level <= self.levels[1]
+    }
+
+    /// Chooses the cells that have the smallest sum of errors and of `price` per cell, which is at least that of the tree.
+    pub fn cut(&self, price: f32) -> Cut {
         let mut stands = vec![false; self.starts.len()];
         // The costs and counts of the subtrees that are not part of another one yet.
         let mut open: Vec<(u32, f32, usize)> = Vec::new();
@@ -93,8 +115,8 @@ impl Tree {
                 (cost, count) = (cost + own, count + parts);
                 open.pop();
             }
-            let (whole, level) = (price + self.errors[cell], self.cells.levels[cell]);
-            if count == 0 || level <= finest || whole <= cost && level <= coarsest {
+            let whole = price + self.errors[cell];
+            if count == 0 || self.stands(self.cells.levels[cell], whole, cost) {
                 (cost, count) = (whole, 1);
                 stands[cell] = true;
             }
@@ -125,8 +147,8 @@ impl Tree {
 }
 
 /// Returns the lowest price of a cell with which trees have at most `goal` cells. Prices are powers of two.
-pub fn price(trees: &[Tree], goal: usize, levels: [u8; 2]) -> f32 {
-    let count = |price: f32| trees.par_iter().map(|tree| tree.cut(price, levels).count()).sum::<usize>();
+pub fn price(trees: &[Tree], goal: usize) -> f32 {
+    let count = |price: f32| trees.par_iter().map(|tree| tree.cut(price).count()).sum::<usize>();
     let [mut low, mut high] = PRICES;
     for _ in 0..PRICE_STEPS {
         let middle = 0.5 * (low + high);
@@ -149,68 +171,73 @@ struct Merged {
 
 impl Merged {
     fn new(cells: &Cells, parts: [Option<u32>; 8]) -> Self {
-        let stride = cells.stride();
         let of = |values: &[f32]| parts.map(|part| part.map_or(0.0, |part| values[part as usize]));
         let seen = of(&cells.seen);
         let through = of(&cells.thickness).map(exp_minus);
-        let opacity = through.map(|through| 1.0 - through);
         // Half of the cells of a flat surface are in front, and all cells of haze are seen.
         let most = seen.iter().copied().fold(0.0, f32::max);
-        let mut merged = Self {
-            thickness: merged_thickness(through),
-            seen: most.min(0.25 * seen.iter().sum::<f32>()),
-            color: [0.0; 3 * MOST_FUNCTIONS],
-            lost: 0.0,
-        };
-        let mut colors = [[0.0; 3 * MOST_FUNCTIONS]; 8];
-        let mut total = 0.0;
-        for (index, part) in parts.iter().enumerate() {
-            let Some(part) = *part else { continue };
-            colors[index][..stride].copy_from_slice(cells.color(part as usize));
-            // What is hidden does not show, so it hardly matters.
-            let weight = (opacity[index] * (seen[index] + 1e-3 * most)).max(f32::MIN_POSITIVE);
-            total += weight;
-            merged.color[..stride].iter_mut().zip(&colors[index]).for_each(|(sum, color)| *sum += weight * color);
+        // What is hidden does not show, so it hardly matters.
+        let weights: [f32; 8] = std::array::from_fn(|part| {
+            let weight = ((1.0 - through[part]) * (seen[part] + 1e-3 * most)).max(f32::MIN_POSITIVE);
+            if parts[part].is_some() { weight } else { 0.0 }
+        });
+        let total = weights.iter().sum::<f32>();
+        let stride = cells.stride();
+        let mut color = [0.0; 3 * MOST_FUNCTIONS];
+        let mut differences = Differences::default();
+        for (channel, mean) in color[..stride].iter_mut().enumerate() {
+            let values = parts.map(|part| part.map_or(0.0, |part| cells.colors[part as usize * stride + channel]));
+            *mean = values.iter().zip(&weights).map(|(value, weight)| weight * value).sum::<f32>() / total;
+            let off = |part: usize| if parts[part].is_some() { values[part] - *mean } else { 0.0 };
+            differences.add(std::array::from_fn(off));
         }
-        merged.color[..stride].iter_mut().for_each(|sum| *sum /= total);
-        for (color, _) in colors.iter_mut().zip(parts).filter(|(_, part)| part.is_some()) {
-            color[..stride].iter_mut().zip(&merged.color).for_each(|(color, mean)| *color -= mean);
-        }
-        merged.lost = lost(&colors, stride, through, merged.thickness);
-        merged
+        let thickness = merged_thickness(through);
+        let lost = differences.lost(through, thickness);
+        Self { thickness, seen: most.min(0.25 * seen.iter().sum::<f32>()), color, lost }
     }
 }
 
-/// Returns the squared error of the pictures that a cell of this `thickness` fills, in place of its parts, along each
-/// axis from either side. `colors` are what the parts' coefficients differ from its own, and `through` is their
-/// transmittance.
-fn lost(colors: &[Color; 8], stride: usize, through: [f32; 8], thickness: f32) -> f32 {
-    // The mean of the product over all directions. Four sums alternate, so that compilers use vectors. The
-    // coefficients are followed by zeros.
-    let product = |a: usize, b: usize| -> f32 {
-        let mut sums = [0.0; 4];
-        let [a, b] = [a, b].map(|part| colors[part][..stride.next_multiple_of(4)].chunks_exact(4));
-        for (a, b) in a.zip(b) {
-            (0..4).for_each(|lane| sums[lane] += a[lane] * b[lane]);
-        }
-        sums.iter().sum::<f32>() / (4.0 * PI)
-    };
-    let squares: [f32; 8] = std::array::from_fn(|part| product(part, part));
-    let whole = 1.0 - exp_minus(thickness);
-    let mut sum = 0.0;
-    for bit in [4, 2, 1] {
-        for near in (0..8).filter(|part| part & bit == 0) {
-            let far = near | bit;
-            let difference = 1.0 - through[near] * through[far] - whole;
-            let both = 2.0 * product(near, far);
-            for (front, back) in [(near, far), (far, near)] {
-                let (a, b) = (1.0 - through[front], through[front] * (1.0 - through[back]));
-                sum += a * a * squares[front] + b * b * squares[back] + a * b * both;
-            }
-            sum += 2.0 * 3.0 * CONTRAST * difference * difference;
+/// The parts of a cell that are in front along each axis, and those behind them.
+const FRONT: [[usize; 4]; 3] = [[0, 1, 2, 3], [0, 1, 4, 5], [0, 2, 4, 6]];
+const BEHIND: [[usize; 4]; 3] = [[4, 5, 6, 7], [2, 3, 6, 7], [1, 3, 5, 7]];
+
+/// Sums over the channels of what the coefficients of parts differ from those of the whole.
+#[derive(Default)]
+struct Differences {
+    squares: [f32; 8],
+    /// The products of parts behind each other.
+    products: [[f32; 4]; 3],
+}
+
+impl Differences {
+    /// Adds those of a channel.
+    fn add(&mut self, channel: [f32; 8]) {
+        (0..8).for_each(|part| self.squares[part] += channel[part] * channel[part]);
+        for ((sums, front), behind) in self.products.iter_mut().zip(&FRONT).zip(&BEHIND) {
+            (0..4).for_each(|pair| sums[pair] += channel[front[pair]] * channel[behind[pair]]);
         }
     }
-    sum / 24.0
+
+    /// Returns the squared error of the pictures that a cell of this `thickness` fills, in place of its parts, along
+    /// each axis from either side. `through` is the transmittance of each.
+    fn lost(&self, through: [f32; 8], thickness: f32) -> f32 {
+        let whole = 1.0 - exp_minus(thickness);
+        let mut sums = [0.0; 4];
+        for ((products, front), behind) in self.products.iter().zip(&FRONT).zip(&BEHIND) {
+            for pair in 0..4 {
+                let [near, far] = [front[pair], behind[pair]];
+                let difference = 1.0 - through[near] * through[far] - whole;
+                sums[pair] += 2.0 * 3.0 * CONTRAST * difference * difference;
+                for [front, behind] in [[near, far], [far, near]] {
+                    let (a, b) = (1.0 - through[front], through[front] * (1.0 - through[behind]));
+                    // The mean of the square over all directions.
+                    let square = a * a * self.squares[front] + b * b * self.squares[behind];
+                    sums[pair] += (square + 2.0 * a * b * products[pair]) / (4.0 * PI);
+                }
+            }
+        }
+        sums.iter().sum::<f32>() / 24.0
+    }
 }
 
 /// Returns the thickness of the cell that lets as much light through as eight cells, averaged over rays along the three
@@ -243,8 +270,8 @@ mod tests {
     #[test]
     fn equal_cells_are_merged() {
         for thickness in [1e-3, 0.1, 3.0] {
-            let tree = Tree::new(&cube(|_| thickness, |_| 0.7));
-            let merged = tree.cells(&tree.cut(1e-4, [0, 3]));
+            let tree = Tree::new(&cube(|_| thickness, |_| 0.7), 0.0, [0, 3]);
+            let merged = tree.cells(&tree.cut(1e-4));
             assert_eq!((merged.len(), merged.levels[0]), (1, 3));
             assert!((merged.thickness[0] / (8.0 * thickness) - 1.0).abs() < 1e-3, "{}", merged.thickness[0]);
             assert!((merged.colors[0] - 0.7).abs() < 1e-5);
@@ -255,7 +282,10 @@ mod tests {
     #[test]
     fn cells_are_split_where_that_shows() {
         let mut cells = cube(|_| 3.0, |code| if code < 256 && code % 2 == 0 { 2.0 } else { 0.0 });
-        let split = |cells: &Cells| Tree::new(cells).cells(&Tree::new(cells).cut(0.01, LEVELS));
+        let split = |cells: &Cells| {
+            let tree = Tree::new(cells, 0.01, LEVELS);
+            tree.cells(&tree.cut(0.01))
+        };
         let chosen = split(&cells);
         assert!(chosen.codes.iter().zip(&chosen.levels).all(|(code, level)| (*code < 256) == (*level == 0)));
         cells.seen.fill(1e-6);
@@ -275,15 +305,21 @@ mod tests {
             for (code, (thickness, light)) in (0..512).zip(&values).filter(|(_, (thickness, _))| *thickness > 1.0) {
                 cells.push(code, 0, *thickness, 0.5, &[*light; 3]);
             }
-            let tree = Tree::new(&cells);
-            let counts = [prices.0.min(prices.1), prices.0.max(prices.1)].map(|price| tree.cut(price, LEVELS).count());
+            let tree = Tree::new(&cells, 0.0, LEVELS);
+            let counts = [prices.0.min(prices.1), prices.0.max(prices.1)].map(|price| tree.cut(price).count());
             prop_assert!(counts[0] >= counts[1]);
-            let cut = tree.cut(prices.0, [finest, 2]);
+            let levels = [finest, 2];
+            let tree = Tree::new(&cells, 0.0, levels);
+            let cut = tree.cut(prices.0);
             let chosen = tree.cells(&cut);
             prop_assert_eq!(chosen.len(), cut.count());
+            // What no cut has is not missed.
+            let least = Tree::new(&cells, prices.0, levels);
+            prop_assert_eq!(&least.cells(&least.cut(prices.0)), &chosen);
+            prop_assert!(least.starts.len() <= tree.starts.len());
             let mut end = 0;
             for (code, level) in chosen.codes.iter().zip(&chosen.levels) {
-                prop_assert!(*code >= end && (finest..=2).contains(level));
+                prop_assert!(*code >= end && (levels[0]..=2).contains(level));
                 end = code + (1 << (3 * level));
             }
             let covered = |code: &u64| {

@@ -51,9 +51,10 @@ pub fn to_merged_field(grid: &Grid, seen: &[f32], most: usize) -> Result<PlenOct
         let thickness = leaf.density * width(grid, leaf.level);
         cells.push(leaf.code, leaf.level as u8, thickness as f32, seen[leaf.voxel as usize], &radiance);
     }
-    let trees: Vec<Tree> = cells.blocks(|_| true).par_iter().map(Tree::new).collect();
-    let price = price(&trees, most, LEVELS).max(LEAST_PRICE);
-    let chosen = Cells::joined(trees.par_iter().map(|tree| tree.cells(&tree.cut(price, LEVELS))).collect());
+    let trees: Vec<Tree> =
+        cells.blocks(|_| true).par_iter().map(|cells| Tree::new(cells, LEAST_PRICE, LEVELS)).collect();
+    let price = price(&trees, most).max(LEAST_PRICE);
+    let chosen = Cells::joined(trees.par_iter().map(|tree| tree.cells(&tree.cut(price))).collect());
     let mut same = leaves.iter().peekable();
     let mut merged = Vec::with_capacity(chosen.len());
     for (cell, (&code, &level)) in chosen.codes.iter().zip(&chosen.levels).enumerate() {

@@ -200,8 +200,7 @@ impl Raster {
                     let dz = z as f32 - center.z;
                     let distance = a + dz * (2.0 * b + c * dz);
                     let opacity = gaussian.opacity * exp_minus(0.5 * distance.max(0.0));
-                    let thickness = gaussian.scale * profile.density(opacity);
-                    sums.iter_mut().zip(&added).for_each(|(sum, added)| *sum += thickness * added);
+                    add_times(sums, &added, gaussian.scale * profile.density(opacity));
                 }
             }
         }
@@ -235,6 +234,15 @@ impl Raster {
             }
         }
     }
+}
+
+/// Adds a multiple of a list to another one.
+fn add_times(sums: &mut [f32], added: &[f32], factor: f32) {
+    let ((sums, rest), (added, others)) = (sums.as_chunks_mut::<4>(), added.as_chunks::<4>());
+    for (sums, added) in sums.iter_mut().zip(added) {
+        (0..4).for_each(|lane| sums[lane] += factor * added[lane]);
+    }
+    rest.iter_mut().zip(others).for_each(|(sum, added)| *sum += factor * added);
 }
 
 /// Adds the interpolation of two neighbors in a list of elements that are each as long as `sums`, given the index of the

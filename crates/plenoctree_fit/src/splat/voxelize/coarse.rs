@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// Levels of the finest cells in a coarse one.
-const LEVELS: u32 = 2;
+pub const LEVELS: u32 = 2;
 /// How visible the neighbors of visible cells are, at least: some rays may pass between those that were followed.
 const NEIGHBOR: f32 = 1e-6;
 

@@ -13,30 +13,37 @@
 
 use glam::DVec3;
 
+use crate::exponential::ROUNDING;
+
 /// Entries of the table.
-const ENTRIES: usize = 512;
+const ENTRIES: usize = 2048;
 /// Highest opacity of a Gaussian, as when it is drawn.
 pub const MOST_OPACITY: f64 = 0.99;
 
-/// The polylogarithm of order 1/2, divided by `sqrt(2 pi)`, by a table.
-pub struct Profile([f32; ENTRIES + 1]);
+/// The polylogarithm of order 1/2, divided by `sqrt(2 pi)`, by a table: its value in the middle of an entry, and by how
+/// much it grows over one.
+pub struct Profile([[f32; 2]; ENTRIES]);
 
 impl Profile {
     pub fn new() -> Self {
-        // Near 1, the function grows like a reciprocal root. Without that factor, it is smooth.
+        let value = |place: f64| {
+            let x = MOST_OPACITY * place / (ENTRIES - 1) as f64;
+            polylogarithm(0.5, x) / std::f64::consts::TAU.sqrt()
+        };
         Self(std::array::from_fn(|entry| {
-            let x = MOST_OPACITY * entry as f64 / ENTRIES as f64;
-            let ratio = if entry == 0 { 1.0 } else { polylogarithm(0.5, x) / x * (1.0 - x).sqrt() };
-            (ratio / std::f64::consts::TAU.sqrt()) as f32
+            let place = entry as f64;
+            [value(place) as f32, (value(place + 0.5) - value(place - 0.5)) as f32]
         }))
     }
 
-    /// Returns the density at the distance where a ray would meet the opacity `x`, for an ellipsoid of width 1.
+    /// Returns the density at the distance where a ray would meet the opacity `x`, at most [`MOST_OPACITY`], for an
+    /// ellipsoid of width 1.
+    #[inline(always)]
     pub fn density(&self, x: f32) -> f32 {
-        let place = (x * (ENTRIES as f32 / MOST_OPACITY as f32)).clamp(0.0, ENTRIES as f32 - 1e-3);
-        let entry = place as usize;
-        let smooth = self.0[entry] + (self.0[entry + 1] - self.0[entry]) * (place - entry as f32);
-        smooth * x / (1.0 - x).sqrt()
+        let place = x * ((ENTRIES - 1) as f32 / MOST_OPACITY as f32);
+        let sum = place + ROUNDING;
+        let [value, slope] = self.0[sum.to_bits() as usize % ENTRIES];
+        value + slope * (place - (sum - ROUNDING))
     }
 }
 

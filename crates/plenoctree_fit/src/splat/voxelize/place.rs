@@ -1,11 +1,11 @@
 //! The cube of a field around a box of a capture.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, UVec3, Vec3};
 use half::f16;
 use plenoctree::{Activation, Basis, Frame, PlenOctree, UpAxis};
 use rayon::prelude::*;
 
-use super::{blocks::Block, colors::Directions, settings::VoxelSettings};
+use super::{blocks::Block, coarse, colors::Directions, settings::VoxelSettings};
 use crate::{
     cells::{BLOCK, Cells},
     finest::{least_density, position_of, tree_of},
@@ -58,23 +58,27 @@ impl Place {
     }
 
     /// Returns the cells of a block at a depth that are in the box and not empty, with how visible each is. `seen`
-    /// returns that of the code of a cell.
-    pub fn cells(&self, depth: u32, code: u64, block: &Block, thinnest: f32, seen: impl Fn(u64) -> f32) -> Cells {
+    /// returns that of the coarse cell at a position.
+    pub fn cells(&self, depth: u32, code: u64, block: &Block, thinnest: f32, seen: impl Fn(UVec3) -> f32) -> Cells {
         let width = self.width(depth);
         let limits = [(self.low - self.corner) / width, (self.high - self.corner) / width];
         let mut cells = Cells::default();
         let mut color = Vec::new();
-        for inside in 0..1u64 << (3 * BLOCK) {
-            let sums = block.cell(position_of(inside));
-            if sums[0] < thinnest {
+        let first = code << (3 * BLOCK);
+        for part in (first..first + (1 << (3 * BLOCK))).step_by(1 << (3 * coarse::LEVELS)) {
+            let seen = seen(position_of(part));
+            if seen == 0.0 {
                 continue;
             }
-            let code = code << (3 * BLOCK) | inside;
-            let (seen, center) = (seen(code), position_of(code).as_dvec3() + 0.5);
-            if seen > 0.0 && center.cmpge(limits[0]).all() && center.cmple(limits[1]).all() {
-                color.clear();
-                color.extend(sums[1..].iter().map(|sum| sum / sums[0]));
-                cells.push(code, 0, sums[0], seen, &color);
+            for code in part..part + (1 << (3 * coarse::LEVELS)) {
+                let position = position_of(code);
+                let sums = block.cell(position % (1 << BLOCK));
+                let center = position.as_dvec3() + 0.5;
+                if sums[0] >= thinnest && center.cmpge(limits[0]).all() && center.cmple(limits[1]).all() {
+                    color.clear();
+                    color.extend(sums[1..].iter().map(|sum| sum / sums[0]));
+                    cells.push(code, 0, sums[0], seen, &color);
+                }
             }
         }
         cells

@@ -1,6 +1,6 @@
 //! How visible cells are from outside, all around.
 
-use glam::{DVec3, UVec3};
+use glam::DVec3;
 use plenoctree::sphere::spiral;
 use rayon::prelude::*;
 
@@ -23,54 +23,73 @@ pub struct Sight {
 ///
 /// Rays shift from slice to slice by whole cells. A large cell is crossed at once, where its middle slice is.
 pub fn look(cells: &Cells, side: u32) -> Vec<Sight> {
-    let places: Vec<(UVec3, u32)> =
-        cells.codes.iter().zip(&cells.levels).map(|(code, level)| (position_of(*code), 1 << level)).collect();
-    let orders: [Vec<u32>; 3] = std::array::from_fn(|axis| order(&places, axis, side));
-    let mut sights = vec![Sight::default(); cells.len()];
-    // One direction per core at a time: the results of each take as much memory as the cells.
-    let together = rayon::current_num_threads();
     let directions: Vec<DVec3> = spiral(DIRECTIONS, [1.0, -1.0]).collect();
-    for directions in directions.chunks(together) {
-        let seen: Vec<Vec<[f32; 2]>> =
-            directions.par_iter().map(|direction| look_along(*direction, cells, &places, &orders, side)).collect();
-        sights.par_iter_mut().enumerate().for_each(|(cell, sight)| {
-            for seen in &seen {
-                let [square, most] = seen[cell];
-                sight.mean += square / DIRECTIONS as f32;
-                sight.most = sight.most.max(most);
-            }
-        });
+    let mut sights = vec![Sight::default(); cells.len()];
+    for axis in 0..3 {
+        let order = order(cells, axis, side);
+        let squares: Vec<Square> = order.par_iter().map(|cell| Square::new(cells, *cell as usize, axis)).collect();
+        let mut found = vec![Sight::default(); cells.len()];
+        let along: Vec<DVec3> = directions.iter().copied().filter(|to| to.abs().max_position() == axis).collect();
+        // One direction per core at a time: the results of each take as much memory as the cells.
+        for directions in along.chunks(rayon::current_num_threads()) {
+            let seen: Vec<Vec<[f32; 2]>> =
+                directions.par_iter().map(|direction| look_along(*direction, axis, &squares, side)).collect();
+            found.par_iter_mut().enumerate().for_each(|(index, sight)| {
+                for seen in &seen {
+                    let [square, most] = seen[index];
+                    sight.mean += square / DIRECTIONS as f32;
+                    sight.most = sight.most.max(most);
+                }
+            });
+        }
+        for (cell, found) in order.into_iter().zip(found) {
+            let sight = &mut sights[cell as usize];
+            sight.mean += found.mean;
+            sight.most = sight.most.max(found.most);
+        }
     }
     sights
 }
 
 /// Returns the cells in the order of twice their middles along an axis.
-fn order(places: &[(UVec3, u32)], axis: usize, side: u32) -> Vec<u32> {
-    let key = |&(corner, size): &(UVec3, u32)| (2 * corner[axis] + size) as usize;
+fn order(cells: &Cells, axis: usize, side: u32) -> Vec<u32> {
+    let key = |cell: usize| (2 * position_of(cells.codes[cell])[axis] + (1 << cells.levels[cell])) as usize;
     let mut starts = vec![0u32; 2 * side as usize + 2];
-    places.iter().for_each(|place| starts[key(place) + 1] += 1);
+    (0..cells.len()).for_each(|cell| starts[key(cell) + 1] += 1);
     (1..starts.len()).for_each(|index| starts[index] += starts[index - 1]);
-    let mut order = vec![0; places.len()];
-    for (place, cell) in places.iter().zip(0u32..) {
-        let start = &mut starts[key(place)];
-        order[*start as usize] = cell;
+    let mut order = vec![0; cells.len()];
+    for cell in 0..cells.len() {
+        let start = &mut starts[key(cell)];
+        order[*start as usize] = cell as u32;
         *start += 1;
     }
     order
 }
 
+/// A cell as rays along an axis cross it.
+struct Square {
+    /// The lowest corner along the two other axes, in finest cells.
+    left: u16,
+    top: u16,
+    size: u16,
+    /// Twice the middle along the axis.
+    middle: u16,
+    thickness: f32,
+}
+
+impl Square {
+    fn new(cells: &Cells, cell: usize, axis: usize) -> Self {
+        let (corner, size) = (position_of(cells.codes[cell]), 1 << cells.levels[cell]);
+        let [left, top] = [1, 2].map(|step| corner[(axis + step) % 3] as u16);
+        let middle = 2 * corner[axis] as u16 + size;
+        Self { left, top, size, middle, thickness: cells.thickness[cell] }
+    }
+}
+
 /// Returns, for each cell, the mean square and the largest of the transmittances in front of it, along rays in one
-/// direction.
-fn look_along(
-    direction: DVec3,
-    cells: &Cells,
-    places: &[(UVec3, u32)],
-    orders: &[Vec<u32>; 3],
-    side: u32,
-) -> Vec<[f32; 2]> {
-    let axis = direction.abs().max_position();
-    let (across, down) = ((axis + 1) % 3, (axis + 2) % 3);
-    let slopes = [direction[across] / direction[axis], direction[down] / direction[axis]];
+/// direction, whose longest component is that along `axis`.
+fn look_along(direction: DVec3, axis: usize, squares: &[Square], side: u32) -> Vec<[f32; 2]> {
+    let slopes = [1, 2].map(|step| direction[(axis + step) % 3] / direction[axis]);
     // Length of a ray in a slice.
     let length = (1.0 / direction[axis].abs()) as f32;
     // The shifts of each slice, twice as many as slices, so that none is negative.
@@ -84,34 +103,35 @@ fn look_along(
         .collect();
     let width = 2 * side as usize + 2;
     let mut through = vec![1.0f32; width * width];
-    let mut seen = vec![[0.0; 2]; places.len()];
-    let order = &orders[axis];
-    let mut cross = |cell: u32| {
-        let (corner, size) = places[cell as usize];
-        let shift = shifts[(2 * corner[axis] + size) as usize];
-        let left = corner[across] as usize + shift[0];
-        let top = corner[down] as usize + shift[1];
-        let passes = exp_minus(cells.thickness[cell as usize] * length);
+    let mut seen = vec![[0.0; 2]; squares.len()];
+    let mut cross = |(square, seen): (&Square, &mut [f32; 2])| {
+        let [right, down] = shifts[usize::from(square.middle)];
+        let (left, top) = (usize::from(square.left) + right, usize::from(square.top) + down);
+        let size = usize::from(square.size);
+        let passes = exp_minus(square.thickness * length);
         let (mut squares, mut most) = (0.0f32, 0.0f32);
-        for row in top..top + size as usize {
-            for ray in &mut through[row * width + left..][..size as usize] {
+        for row in top..top + size {
+            for ray in &mut through[row * width + left..][..size] {
                 squares += *ray * *ray;
                 most = most.max(*ray);
                 *ray *= passes;
             }
         }
-        seen[cell as usize] = [squares / (size * size) as f32, most];
+        *seen = [squares / (size * size) as f32, most];
     };
+    let both = squares.iter().zip(&mut seen);
     if direction[axis] > 0.0 {
-        order.iter().for_each(|cell| cross(*cell));
+        both.for_each(&mut cross);
     } else {
-        order.iter().rev().for_each(|cell| cross(*cell));
+        both.rev().for_each(&mut cross);
     }
     seen
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::UVec3;
+
     use super::*;
 
     /// Cells of one size, in order.

@@ -19,7 +19,6 @@ use super::{
 use crate::{
     cells::{BLOCK, Cells, Tree, price},
     exponential::exp_minus,
-    finest::position_of,
     splat::{error::SplatError, splats::Splats},
 };
 
@@ -45,8 +44,6 @@ pub struct Voxels {
     place: Place,
     /// Levels of the finest cells that the Gaussians were added up in.
     depth: u32,
-    /// The levels of the cells that may become leaves, counted from the finest.
-    levels: [u8; 2],
     trees: Vec<Tree>,
     least_price: f32,
 }
@@ -94,21 +91,21 @@ impl Voxels {
         let areas = (!settings.views.is_empty()).then(|| areas(splats, &settings.views, place.width(depth), blur));
         let lattice = lattice(depth, blur, areas.as_deref());
         let thinnest = per_cell(THINNEST, depth);
-        let tree = |code: u64, block: &Block| {
-            Tree::new(&place.cells(depth, code, block, thinnest, |code| seen.seen(position_of(code))))
+        let tree = |code: u64, block: &Block, price| {
+            Tree::new(&place.cells(depth, code, block, thinnest, |position| seen.seen(position)), price, levels)
         };
         let least_price = (LEAST_PRICE * 4f64.powi(depth as i32)) as f32;
         let goal = (SPARE * leaves as f64) as usize;
         let sampled = |code: u64| code.is_multiple_of(SAMPLED) && seen.sees(code);
-        let price = price(&lattice.blocks(place.functions, sampled, tree), goal / SAMPLED as usize, levels);
-        let price = price.max(least_price);
+        let sample = |code, block: &Block| tree(code, block, least_price);
+        let price = price(&lattice.blocks(place.functions, sampled, sample), goal / SAMPLED as usize).max(least_price);
         let count = AtomicUsize::new(0);
         let parts = lattice.blocks(
             place.functions,
             |code| seen.sees(code) && count.load(Ordering::Relaxed) <= MOST_CELLS,
             |code, block| {
-                let tree = tree(code, block);
-                let cells = tree.cells(&tree.cut(price, levels));
+                let tree = tree(code, block, price);
+                let cells = tree.cells(&tree.cut(price));
                 count.fetch_add(cells.len(), Ordering::Relaxed);
                 cells
             },
@@ -127,8 +124,8 @@ impl Voxels {
         if blocks.is_empty() {
             return Err(place.empty());
         }
-        let trees = blocks.par_iter().map(Tree::new).collect();
-        Ok(Self { place, depth, levels, trees, least_price })
+        let trees = blocks.par_iter().map(|cells| Tree::new(cells, least_price, levels)).collect();
+        Ok(Self { place, depth, trees, least_price })
     }
 
     /// Makes the field that looks most like the capture with at most this many leaves, or fewer if more would hardly
@@ -139,8 +136,8 @@ impl Voxels {
     /// Returns an error if the cells do not form a field, or if they are so faint that readers of files would drop
     /// them.
     pub fn field(&self, leaves: usize) -> Result<PlenOctree, SplatError> {
-        let price = price(&self.trees, leaves, self.levels).max(self.least_price);
-        let cells = |tree: &Tree| tree.cells(&tree.cut(price, self.levels));
+        let price = price(&self.trees, leaves).max(self.least_price);
+        let cells = |tree: &Tree| tree.cells(&tree.cut(price));
         let cells = Cells::joined(self.trees.par_iter().map(cells).collect());
         self.place.field(&cells, self.depth)
     }
