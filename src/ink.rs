@@ -12,7 +12,7 @@ use bevy::{ecs::VariantDefaults, prelude::*};
 /// props on the one in front. A line is `width` wide at the prop's distance, but at least a pixel and at most
 /// `max_pixels`. Lines that would be narrower than half a pixel fade, so that distant props do not turn black. Between
 /// lines that are close to each other, such as those around a small window, the lines get thinner. Ink only changes
-/// colors: depth, labels and picking stay as they are.
+/// colors: depth, labels and picking stay as they are. See section 4 of the method, step 13.
 ///
 /// ```
 /// # use bevy::prelude::*;

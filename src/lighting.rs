@@ -23,6 +23,7 @@ pub const MAX_BRIGHTNESS: f32 = 16.0;
 /// label, in the palette's shown colors. Where light is added, it goes up in the same way. Source colors choose both,
 /// so recoloring moves no edge. Where the palette has no such label, the shown color is darkened or lightened instead.
 /// A prop as trained that a [`PosterizeView`](crate::PosterizeView) posterizes goes down the palette of the view.
+/// See section 4 of the method, step 12.
 ///
 /// It takes effect where props are solid, for cameras that draw them at
 /// [`PropPlacement::Scene`](crate::PropPlacement::Scene).

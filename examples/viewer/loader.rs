@@ -29,7 +29,7 @@ use crate::{
 #[derive(Resource)]
 pub struct Loader {
     settings: LoadSettings,
-    /// The palette of the first file, if the command line names one.
+    /// The palette of the first file that is shown, if the command line names one, instead of the one next to the field.
     palette: Option<Palette>,
     reading: Option<Reading>,
     shown: Option<Shown>,
@@ -39,8 +39,6 @@ pub struct Loader {
 struct Reading {
     path: PathBuf,
     version: Option<Version>,
-    /// A palette to use instead of the one next to the field.
-    palette: Option<Palette>,
     read: Arc<AtomicU64>,
     thread: JoinHandle<Result<Arrival, ReadError>>,
 }
@@ -101,7 +99,7 @@ impl Loader {
             let palette = beside.exists().then(|| Palette::read(beside));
             Ok(Arrival { field, extent, palette })
         });
-        self.reading = Some(Reading { path, version, palette: self.palette.take(), read, thread });
+        self.reading = Some(Reading { path, version, read, thread });
     }
 }
 
@@ -144,7 +142,7 @@ pub fn arrive(
     let Some(reading) = loader.reading.take_if(|reading| reading.thread.is_finished()) else {
         return;
     };
-    let Reading { path, version, palette: chosen, thread, .. } = reading;
+    let Reading { path, version, thread, .. } = reading;
     let result = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
     let again = loader.shown.as_mut().filter(|shown| shown.path == path);
     // Do not read a broken file again until it changes.
@@ -175,7 +173,7 @@ pub fn arrive(
         return;
     }
     let field = fields.add(field);
-    match chosen.map(Ok).or(palette) {
+    match loader.palette.take().map(Ok).or(palette) {
         Some(Ok(palette)) => palettes.insert(&field, FieldPalette::new(palette)),
         Some(Err(error)) => notices.error(error.to_string()),
         None => {}
