@@ -29,8 +29,8 @@ use crate::{
 #[derive(Resource)]
 pub struct Loader {
     settings: LoadSettings,
-    /// The palette of the first file that is shown, if the command line names one, instead of the one next to the field.
-    palette: Option<Palette>,
+    /// The file and the palette that the command line names, if it names a palette. Until that file is shown.
+    chosen: Option<(PathBuf, Palette)>,
     reading: Option<Reading>,
     shown: Option<Shown>,
 }
@@ -65,8 +65,8 @@ struct Arrival {
 type Version = (SystemTime, u64);
 
 impl Loader {
-    pub fn new(settings: LoadSettings, palette: Option<Palette>) -> Self {
-        Self { settings, palette, reading: None, shown: None }
+    pub fn new(settings: LoadSettings, chosen: Option<(PathBuf, Palette)>) -> Self {
+        Self { settings, chosen, reading: None, shown: None }
     }
 
     /// Returns the file that is being read, and the progress from 0 to 1.
@@ -173,7 +173,8 @@ pub fn arrive(
         return;
     }
     let field = fields.add(field);
-    match loader.palette.take().map(Ok).or(palette) {
+    let chosen = loader.chosen.take_if(|(file, _)| *file == path);
+    match chosen.map(|(_, palette)| Ok(palette)).or(palette) {
         Some(Ok(palette)) => palettes.insert(&field, FieldPalette::new(palette)),
         Some(Err(error)) => notices.error(error.to_string()),
         None => {}

@@ -55,7 +55,10 @@ fn check_readable(path: &Path) -> Result<()> {
 fn build(app: &mut App, arguments: &Arguments, palette: Option<Palette>) {
     let has_window = arguments.show.headless.is_none();
     app.add_plugins((PlenOctreePlugin, EguiPlugin::default(), PanOrbitCameraPlugin))
-        .insert_resource(loader::Loader::new(arguments.load_settings(), palette))
+        .insert_resource(loader::Loader::new(
+            arguments.load_settings(),
+            palette.map(|palette| (arguments.field(), palette)),
+        ))
         .insert_resource(panel::PanelState::new(has_window || arguments.panel))
         .init_resource::<notices::Notices>()
         .add_message::<Action>()

@@ -3,7 +3,7 @@
 #[cfg(feature = "fit")]
 use glam::Vec4;
 
-/// Coefficients of a polynomial for `2^x`, -0.5 <= x <= 0.5, from the highest power, with a relative error below 1e-7.
+/// Coefficients of a polynomial for `2^x`, -0.5 <= x <= 0.5, from the highest power, with a relative error below 2e-7.
 const POWER_OF_TWO: [f32; 6] = [0.001_326_474_2, 0.009_671_518, 0.055_507_336, 0.240_222_42, 0.693_146_94, 1.0];
 /// Adding it to a small number rounds that to a whole one, which is in the lowest bits of the sum.
 pub const ROUNDING: f32 = (3 << 22) as f32;

@@ -16,8 +16,8 @@ fn the_demo_is_within_the_default_limits_of_webgpu() {
     assert!(demo.status.success(), "{printed}{}", String::from_utf8_lossy(&demo.stderr));
     assert!(printed.contains("radiance samples") && printed.contains("colors in"), "{printed}");
     let names = ["overview", "turntable", "frame_007.original", "frame_007.posterized", "frame_007.recolored"];
-    let images =
-        names.map(|name| image::open(folder.path().join("out").join(name).with_added_extension("png")).unwrap().into_rgb8());
+    let images = names
+        .map(|name| image::open(folder.path().join("out").join(name).with_added_extension("png")).unwrap().into_rgb8());
     assert!(images.iter().all(|image| image.pixels().any(|pixel| pixel != image.get_pixel(0, 0))));
     let [_, _, original, posterized, recolored] = images;
     assert!(original != posterized && posterized != recolored);

@@ -19,7 +19,7 @@ const PRICE_STEPS: usize = 14;
 
 /// A tree over the cells of a block: the cells, and larger ones that could stand for them.
 pub struct Tree {
-    /// The lowest price per cell for which it can be cut.
+    /// The price per cell from which on its cuts are those of the whole tree. For lower ones, they have fewer cells.
     price: f32,
     /// The levels that cells of a cut may have: the first and the last one.
     levels: [u8; 2],
@@ -73,16 +73,14 @@ impl Tree {
             *next += 1;
             return Some((start, self.price));
         }
-        let mut parts = [None; 8];
-        let (mut cost, mut below) = (0.0, 0.0);
-        for (part, octant) in parts.iter_mut().zip(0u64..) {
-            let code = code + (octant << (3 * (level - 1)));
-            if let Some((cell, least)) = self.append(cells, next, code, level - 1) {
-                *part = Some(cell);
-                cost += least;
-                below += self.errors[cell as usize];
-            }
-        }
+        let parts: [_; 8] = std::array::from_fn(|octant| {
+            let code = code + ((octant as u64) << (3 * (level - 1)));
+            self.append(cells, next, code, level - 1)
+        });
+        // In the order of `cut`, so that both agree to the last bit.
+        let mut cost = parts.iter().rev().flatten().map(|(_, cost)| cost).sum();
+        let parts = parts.map(|part| Some(part?.0));
+        let below: f32 = parts.iter().flatten().map(|part| self.errors[*part as usize]).sum();
         let merged = Merged::new(&self.cells, parts);
         let area = (1u64 << (2 * level)) as f32;
         let error = below + area * merged.seen * merged.lost;
@@ -104,7 +102,7 @@ impl Tree {
         level <= self.levels[0] || whole <= parts && level <= self.levels[1]
     }
 
-    /// Chooses the cells that have the smallest sum of errors and of `price` per cell, which is at least that of the tree.
+    /// Chooses the cells that have the smallest sum of errors and of `price` per cell.
     pub fn cut(&self, price: f32) -> Cut {
         let mut stands = vec![false; self.starts.len()];
         // The costs and counts of the subtrees that are not part of another one yet.

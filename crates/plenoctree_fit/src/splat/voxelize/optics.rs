@@ -47,13 +47,13 @@ impl Profile {
     }
 }
 
-/// Sums `x^k / k^order` for x below 1.
+/// Sums `x^k / k^order` for x between -1 and 1.
 fn polylogarithm(order: f64, x: f64) -> f64 {
     let (mut sum, mut power) = (0.0, 1.0);
     for k in 1..4000 {
         power *= x;
         sum += power / f64::from(k).powf(order);
-        if power < 1e-9 {
+        if power.abs() < 1e-9 {
             break;
         }
     }
