@@ -6,17 +6,23 @@ use glam::Vec4;
 /// Coefficients of a polynomial for `2^x`, -0.5 <= x <= 0.5, from the highest power, with a relative error below 2e-7.
 const POWER_OF_TWO: [f32; 6] = [0.001_326_474_2, 0.009_671_518, 0.055_507_336, 0.240_222_42, 0.693_146_94, 1.0];
 /// Adding it to a small number rounds that to a whole one, which is in the lowest bits of the sum.
-pub const ROUNDING: f32 = (3 << 22) as f32;
+const ROUNDING: f32 = (3 << 22) as f32;
+
+/// Returns the whole number that is nearest to a small one, in its lowest bits, and the rest. Converts nothing to
+/// integers, which compilers turn into vector instructions only if nothing checks the range.
+#[inline(always)]
+pub fn rounded(x: f32) -> (u32, f32) {
+    let sum = x + ROUNDING;
+    (sum.to_bits(), x - (sum - ROUNDING))
+}
 
 /// Returns `e^-x` for x >= 0, with a relative error below 1e-5, and below 1e-6 for x < 4. It is at most 1.
 #[inline(always)]
 pub fn exp_minus(x: f32) -> f32 {
-    let x = x.min(80.0) * -std::f32::consts::LOG2_E;
-    let sum = x + ROUNDING;
-    let rest = x - (sum - ROUNDING);
+    let (whole, rest) = rounded(x.min(80.0) * -std::f32::consts::LOG2_E);
     let power = POWER_OF_TWO.iter().fold(0.0, |sum, k| sum * rest + k);
     // Adds the whole number to the exponent.
-    f32::from_bits(power.to_bits().wrapping_add(sum.to_bits() << 23))
+    f32::from_bits(power.to_bits().wrapping_add(whole << 23))
 }
 
 /// Returns `1 / (1 + e^-x)` of each element, with an error below 1e-6.

@@ -13,7 +13,7 @@
 
 use glam::DVec3;
 
-use crate::exponential::ROUNDING;
+use crate::exponential::rounded;
 
 /// Entries of the table.
 const ENTRIES: usize = 2048;
@@ -40,10 +40,9 @@ impl Profile {
     /// ellipsoid of width 1.
     #[inline(always)]
     pub fn density(&self, x: f32) -> f32 {
-        let place = x * ((ENTRIES - 1) as f32 / MOST_OPACITY as f32);
-        let sum = place + ROUNDING;
-        let [value, slope] = self.0[sum.to_bits() as usize % ENTRIES];
-        value + slope * (place - (sum - ROUNDING))
+        let (entry, rest) = rounded(x * ((ENTRIES - 1) as f32 / MOST_OPACITY as f32));
+        let [value, slope] = self.0[entry as usize % ENTRIES];
+        value + slope * rest
     }
 }
 
