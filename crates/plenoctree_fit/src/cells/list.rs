@@ -3,8 +3,7 @@
 /// Levels of cells in a block.
 pub const BLOCK: u32 = 5;
 
-/// Cells of different sizes that do not overlap, in the order of their codes. A code is that of a cell's lowest corner
-/// among the finest cells.
+/// Cells of different sizes that do not overlap. A code is that of a cell's lowest corner among the finest cells.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cells {
     pub codes: Vec<u64>,
@@ -19,7 +18,7 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Joins lists of cells, each of which comes after those before.
+    /// Joins lists of cells.
     pub fn joined(parts: Vec<Self>) -> Self {
         let mut all = Self::default();
         for mut part in parts {
@@ -70,19 +69,15 @@ impl Cells {
         self.colors.len() / self.len().max(1)
     }
 
-    /// Returns the cells that pass `keep`, by index, in one list for each block.
+    /// Returns the cells that pass `keep`, by index, in one list for each block, in the order of their codes.
     pub fn blocks(&self, keep: impl Fn(usize) -> bool) -> Vec<Self> {
-        let block = |cell: usize| self.codes[cell] >> (3 * BLOCK);
-        let mut blocks: Vec<Self> = Vec::new();
-        let mut last = None;
-        for cell in (0..self.len()).filter(|cell| keep(*cell)) {
-            if last.replace(block(cell)) != Some(block(cell)) {
-                blocks.push(Self::default());
-            }
-            if let Some(own) = blocks.last_mut() {
-                own.push_from(self, cell);
-            }
-        }
-        blocks
+        let mut order: Vec<usize> = (0..self.len()).filter(|cell| keep(*cell)).collect();
+        order.sort_by_key(|cell| self.codes[*cell]);
+        let block = |cells: &[usize]| {
+            let mut own = Self::default();
+            cells.iter().for_each(|cell| own.push_from(self, *cell));
+            own
+        };
+        order.chunk_by(|a, b| self.codes[*a] >> (3 * BLOCK) == self.codes[*b] >> (3 * BLOCK)).map(block).collect()
     }
 }

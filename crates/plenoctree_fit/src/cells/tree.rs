@@ -47,8 +47,8 @@ impl Cut {
 }
 
 impl Tree {
-    /// Builds the tree of cells that are all in one block, without those that no cut has for at least this `price` per
-    /// cell, or that do not have these `levels`.
+    /// Builds the tree of cells that are all in one block, in the order of their codes, without those that no cut has for
+    /// at least this `price` per cell, or that do not have these `levels`.
     pub fn new(cells: &Cells, price: f32, levels: [u8; 2]) -> Self {
         let mut tree = Self { price, levels, cells: Cells::default(), starts: Vec::new(), errors: Vec::new() };
         if let Some(first) = cells.codes.first() {

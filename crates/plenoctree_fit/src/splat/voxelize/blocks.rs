@@ -6,7 +6,7 @@
 use glam::{DVec3, USizeVec3, UVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{gaussian::CellGaussian, optics::Profile};
+use super::{gaussian::CellGaussian, optics::Profile, parts::Parts};
 use crate::{cells::BLOCK, exponential::exp_minus, finest::position_of, splat::splats::Splats};
 
 /// The work of a Gaussian in a block apart from its sums, in sums.
@@ -25,7 +25,7 @@ pub struct Lattice<'a> {
 
 impl<'a> Lattice<'a> {
     /// Prepares the Gaussians for the cube at `corner` whose finest cells, at this depth, have this `width`. They are
-    /// blurred by this many cells. `areas`, if any, are those at which they have their opacity: see [`areas`].
+    /// blurred by this many cells. `areas`, if any, are the apparent areas at which they have their opacity: see [`areas`].
     ///
     /// [`areas`]: super::areas::areas
     pub fn new(splats: &'a Splats, corner: DVec3, width: f64, depth: u32, blur: f64, areas: Option<&[f64]>) -> Self {
@@ -55,12 +55,13 @@ impl<'a> Lattice<'a> {
         self.gaussians.iter().map(of).sum()
     }
 
-    /// Calls `visit` with the code and the sums of each block that passes `wanted` and is not empty, and returns the
-    /// results in the order of the codes, on all cores. The sums have `functions` coefficients per channel.
+    /// Calls `visit` with the code and the sums of each block that is not empty and of which parts are `wanted`, and
+    /// returns the results in the order of the codes, on all cores. The sums have `functions` coefficients per channel.
+    /// Those of cells in other parts mean nothing.
     pub fn blocks<T: Send>(
         &self,
         functions: usize,
-        wanted: impl Fn(u64) -> bool + Sync,
+        wanted: impl Fn(u64) -> Option<Parts> + Sync,
         visit: impl Fn(u64, &Block) -> T + Sync,
     ) -> Vec<T> {
         let split = REGIONS.min(self.depth - BLOCK);
@@ -70,13 +71,14 @@ impl<'a> Lattice<'a> {
             let mut block = Block::new(functions);
             let mut results = Vec::new();
             let first = region << (3 * (levels - BLOCK));
-            for code in (first..first + (1 << (3 * (levels - BLOCK)))).filter(|code| wanted(*code)) {
+            for code in first..first + (1 << (3 * (levels - BLOCK))) {
+                let Some(parts) = wanted(code) else { continue };
                 let low = position_of(code) << BLOCK;
                 let near = overlapping(near.iter().copied(), low, 1 << BLOCK);
                 if near.is_empty() {
                     continue;
                 }
-                block.clear();
+                block.start(parts);
                 near.into_iter().for_each(|gaussian| block.add(gaussian, low, self.splats, &self.profile));
                 block.flatten();
                 results.push(visit(code, &block));
@@ -96,6 +98,8 @@ fn overlapping<'a>(gaussians: impl Iterator<Item = &'a CellGaussian>, low: UVec3
 /// lattice in which it is still smooth. Otherwise, as many Gaussians at one place would take as many times the cells
 /// there.
 pub struct Block {
+    /// Where cells are wanted.
+    parts: Parts,
     /// The cells, then lattices of points that are 2, 4, 8, 16 and 32 cells apart.
     rasters: [Raster; BLOCK as usize + 1],
 }
@@ -121,10 +125,12 @@ impl Block {
             let distance = (1u32 << level) as f32;
             Raster { distance, first, side, stride, sums: vec![0.0; stride * side * side * side], is_empty: true }
         };
-        Self { rasters: std::array::from_fn(|level| raster(level as u32)) }
+        Self { parts: Parts::ALL, rasters: std::array::from_fn(|level| raster(level as u32)) }
     }
 
-    fn clear(&mut self) {
+    /// Clears the sums, for a block of which these parts are wanted.
+    fn start(&mut self, parts: Parts) {
+        self.parts = parts;
         for raster in self.rasters.iter_mut().filter(|raster| !raster.is_empty) {
             raster.sums.fill(0.0);
             raster.is_empty = true;
@@ -133,7 +139,10 @@ impl Block {
 
     /// Adds the part of a Gaussian that is in the block whose lowest cell is `low`.
     fn add(&mut self, gaussian: &CellGaussian, low: UVec3, splats: &Splats, profile: &Profile) {
-        self.rasters[gaussian.level.min(BLOCK) as usize].add(gaussian, low, splats, profile);
+        let level = gaussian.level.min(BLOCK) as usize;
+        // Points of lattices count in several parts.
+        let parts = if level == 0 { self.parts } else { Parts::ALL };
+        self.rasters[level].add(gaussian, low, splats, profile, &parts);
     }
 
     /// Adds the lattices to the cells.
@@ -157,7 +166,7 @@ impl Raster {
         &self.sums[((place.x * self.side + place.y) * self.side + place.z) * self.stride..][..self.stride]
     }
 
-    fn add(&mut self, gaussian: &CellGaussian, low: UVec3, splats: &Splats, profile: &Profile) {
+    fn add(&mut self, gaussian: &CellGaussian, low: UVec3, splats: &Splats, profile: &Profile, parts: &Parts) {
         let (side, stride) = (self.side, self.stride);
         // From here on, in distances of points.
         let center = (gaussian.center - low.as_vec3() - self.first) / self.distance;
@@ -181,6 +190,7 @@ impl Raster {
         for x in first.x..=last.x {
             let dx = x as f32 - center.x;
             for y in first.y..=last.y {
+                let Some([lowest, highest]) = parts.range(x, y) else { continue };
                 let dy = y as f32 - center.y;
                 // Distances along the column are a z^2 + 2 b z + c; those within reach are an interval.
                 let b = form.z_axis.x * dx + form.z_axis.y * dy;
@@ -190,8 +200,8 @@ impl Raster {
                     continue;
                 }
                 let (middle, half) = (center.z - b / c, discriminant.sqrt() / c);
-                let from = (middle - half).ceil().max(0.0) as usize;
-                let to = (middle + half).floor().min(most);
+                let from = (middle - half).ceil().max(lowest as f32) as usize;
+                let to = (middle + half).floor().min(most.min(highest as f32));
                 if to < from as f32 {
                     continue;
                 }

@@ -4,6 +4,7 @@ use glam::{DVec3, IVec3, UVec3};
 
 use super::{
     blocks::{Block, Lattice},
+    parts::{PART, Parts},
     settings::{BLUR, FAINTEST, THINNEST, per_cell},
     sight::look,
 };
@@ -14,12 +15,10 @@ use crate::{
     splat::splats::Splats,
 };
 
-/// Levels of the finest cells in a coarse one.
-pub const LEVELS: u32 = 2;
 /// How visible the neighbors of visible cells are, at least: some rays may pass between those that were followed.
 const NEIGHBOR: f32 = 1e-6;
 
-/// How visible each coarse cell is.
+/// How visible each coarse cell is: a part of a block of finest cells.
 pub struct Coarse {
     /// Coarse cells per side.
     side: u32,
@@ -33,12 +32,12 @@ impl Coarse {
     pub fn new(splats: &Splats, corner: DVec3, width: f64, depth: u32, [low, high]: [DVec3; 2]) -> Self {
         // Merging cells of half the size tells how much light passes through gaps.
         let lattice = Lattice::new(splats, corner, 2.0 * width, depth - 1, BLUR, None);
-        let size = width * f64::from(1 << LEVELS);
+        let size = width * f64::from(1 << PART);
         let thinnest = per_cell(THINNEST, depth - 1);
         let faintest = per_cell(FAINTEST, depth);
         let parts = lattice.blocks(
             0,
-            |_| true,
+            |_| Some(Parts::ALL),
             |code, block| {
                 let mut cells = Cells::default();
                 for code in code << (3 * (BLOCK - 1))..(code + 1) << (3 * (BLOCK - 1)) {
@@ -52,7 +51,7 @@ impl Coarse {
             },
         );
         let cells = Cells::joined(parts);
-        let side = 1u32 << (depth - LEVELS);
+        let side = 1u32 << (depth - PART);
         let mut coarse = Self { side, seen: vec![0.0; (side as usize).pow(3)] };
         for (cell, sight) in look(&cells, side).into_iter().enumerate() {
             if sight.most * (1.0 - exp_minus(cells.thickness[cell])) < faintest {
@@ -79,17 +78,22 @@ impl Coarse {
 
     /// Returns how visible the finest cell at a position is, or 0 if it is not.
     pub fn seen(&self, position: UVec3) -> f32 {
-        self.seen[self.index(position >> LEVELS)]
+        self.seen[self.index(position >> PART)]
     }
 
-    /// Returns whether anything in a block of finest cells is visible.
-    pub fn sees(&self, block: u64) -> bool {
-        let per_side = 1 << (BLOCK - LEVELS);
-        let low = position_of(block) * per_side;
-        let columns = (0..per_side).flat_map(|x| (0..per_side).map(move |y| UVec3::new(x, y, 0)));
-        columns
-            .map(|column| self.index(low + column))
-            .any(|first| self.seen[first..first + per_side as usize].iter().any(|seen| *seen > 0.0))
+    /// Returns the parts of a block of finest cells in which something is visible, or `None` if there are none.
+    pub fn parts(&self, block: u64) -> Option<Parts> {
+        let low = position_of(block) << (BLOCK - PART);
+        Parts::some(|part| self.seen[self.index(low + part)] > 0.0)
+    }
+
+    /// Returns these cells, by their codes, as if nothing else were visible.
+    pub fn only(&self, codes: &[u64]) -> Self {
+        let mut only = Self { side: self.side, seen: vec![0.0; self.seen.len()] };
+        for index in codes.iter().map(|code| self.index(position_of(*code))) {
+            only.seen[index] = self.seen[index];
+        }
+        only
     }
 
     fn index(&self, position: UVec3) -> usize {

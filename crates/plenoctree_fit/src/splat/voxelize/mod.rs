@@ -3,10 +3,12 @@
 
 mod areas;
 mod blocks;
+mod choice;
 mod coarse;
 mod colors;
 mod gaussian;
 mod optics;
+mod parts;
 mod place;
 mod settings;
 mod sight;

@@ -5,7 +5,11 @@ use half::f16;
 use plenoctree::{Activation, Basis, Frame, PlenOctree, UpAxis};
 use rayon::prelude::*;
 
-use super::{blocks::Block, coarse, colors::Directions, settings::VoxelSettings};
+use super::{
+    blocks::Block,
+    colors::Directions,
+    settings::{THINNEST, VoxelSettings, per_cell},
+};
 use crate::{
     cells::{BLOCK, Cells},
     finest::{least_density, position_of, tree_of},
@@ -16,9 +20,6 @@ use crate::{
 const MOST_DEGREE: u32 = 2;
 /// The field's least and greatest depth.
 pub const DEPTHS: [u32; 2] = [6, 10];
-/// The largest number of cells in memory.
-pub const MOST_CELLS: usize = 40_000_000;
-
 /// The cube of a field around a box of a capture.
 pub struct Place {
     /// The corners of the box.
@@ -58,19 +59,20 @@ impl Place {
     }
 
     /// Returns the cells of a block at a depth that are in the box and not empty, with how visible each is. `seen`
-    /// returns that of the coarse cell at a position.
-    pub fn cells(&self, depth: u32, code: u64, block: &Block, thinnest: f32, seen: impl Fn(UVec3) -> f32) -> Cells {
+    /// returns that of the eight cells with the lowest one at a position: the others are left out if it is 0.
+    pub fn cells(&self, depth: u32, code: u64, block: &Block, seen: impl Fn(UVec3) -> f32) -> Cells {
         let width = self.width(depth);
         let limits = [(self.low - self.corner) / width, (self.high - self.corner) / width];
+        let thinnest = per_cell(THINNEST, depth);
         let mut cells = Cells::default();
         let mut color = Vec::new();
         let first = code << (3 * BLOCK);
-        for part in (first..first + (1 << (3 * BLOCK))).step_by(1 << (3 * coarse::LEVELS)) {
-            let seen = seen(position_of(part));
+        for eight in (first..first + (1 << (3 * BLOCK))).step_by(8) {
+            let seen = seen(position_of(eight));
             if seen == 0.0 {
                 continue;
             }
-            for code in part..part + (1 << (3 * coarse::LEVELS)) {
+            for code in eight..eight + 8 {
                 let position = position_of(code);
                 let sums = block.cell(position % (1 << BLOCK));
                 let center = position.as_dvec3() + 0.5;
@@ -114,12 +116,6 @@ impl Place {
         let field = field.thinned(least_density(frame));
         if field.leaves() == 0 { Err(self.empty()) } else { Ok(field) }
     }
-}
-
-/// Returns the error that there are too many cells at a depth.
-pub fn too_many(depth: u32) -> SplatError {
-    let found = format!("{depth} with more than {MOST_CELLS} cells");
-    fault("depth", found, "a lower depth, fewer leaves or a smaller box")
 }
 
 /// Returns the error of a setting.

@@ -1,19 +1,17 @@
 //! A capture in cells of all sizes, from which fields are made.
 
-use std::{
-    cell::OnceCell,
-    sync::atomic::{AtomicUsize, Ordering},
-};
+use std::cell::OnceCell;
 
 use plenoctree::PlenOctree;
 use rayon::prelude::*;
 
 use super::{
     areas::areas,
-    blocks::{Block, Lattice},
+    blocks::Lattice,
+    choice::{Choice, MOST_CELLS, wide_blur},
     coarse::Coarse,
-    place::{DEPTHS, MOST_CELLS, Place, fault, too_many},
-    settings::{BLUR, BLURS, FAINTEST, THINNEST, VoxelSettings, per_cell},
+    place::{DEPTHS, Place, fault},
+    settings::{BLUR, BLURS, FAINTEST, VoxelSettings, per_cell},
     sight::look,
 };
 use crate::{
@@ -34,8 +32,6 @@ const MOST_FILLED: f64 = 0.35;
 const MOST_WORK: f64 = 4e9;
 /// How many times as many cells as leaves there are at first, before hidden ones are removed.
 const SPARE: f64 = 1.5;
-/// Of this many blocks, one is used to estimate the price of a cell at first.
-const SAMPLED: u64 = 13;
 /// The smallest error, in areas of the cube's face, for which a cell is split.
 const LEAST_PRICE: f64 = 1e-11;
 
@@ -71,10 +67,10 @@ impl Voxels {
         let works: [OnceCell<f64>; DEPTHS[1] as usize + 1] = Default::default();
         let lattice = |depth, blur, areas| Lattice::new(splats, place.corner, place.width(depth), depth, blur, areas);
         let work = |depth: u32| *works[depth as usize].get_or_init(|| lattice(depth, BLUR, None).work());
-        // Everything is added up once, after a sample of the blocks, and before that for each coarse look.
+        // At most, everything is added up in finest cells, and before that in wide ones and for each coarse look.
         let all_work = |depth: u32| {
             let looks: f64 = (depth.min(FIRST_DEPTH)..=depth).map(|depth| work(depth - 1)).sum();
-            looks + (1.0 + 1.0 / SAMPLED as f64) * work(depth)
+            looks + work(depth - 1) + work(depth)
         };
         while most > DEPTHS[0] && all_work(most) > MOST_WORK {
             most -= 1;
@@ -86,34 +82,25 @@ impl Voxels {
             depth += 1;
             seen = coarse(depth);
         }
-        let levels = [depth.saturating_sub(settings.depth) as u8, BLOCK as u8];
         let blur = settings.blur * f64::from(depth as i32 - settings.depth as i32).exp2().max(1.0);
-        let areas = (!settings.views.is_empty()).then(|| areas(splats, &settings.views, place.width(depth), blur));
-        let lattice = lattice(depth, blur, areas.as_deref());
-        let thinnest = per_cell(THINNEST, depth);
-        let tree = |code: u64, block: &Block, price| {
-            Tree::new(&place.cells(depth, code, block, thinnest, |position| seen.seen(position)), price, levels)
+        let areas = areas(splats, &settings.views, place.width(depth), blur);
+        // In wide cells.
+        let wide_areas: Vec<f64> = areas.iter().map(|area| 0.25 * area).collect();
+        let levels = [depth.saturating_sub(settings.depth) as u8, BLOCK as u8];
+        let choice = Choice {
+            place: &place,
+            depth,
+            seen,
+            levels,
+            finest: lattice(depth, blur, Some(&areas)),
+            wide: lattice(depth - 1, wide_blur(blur), Some(&wide_areas)),
         };
         let least_price = (LEAST_PRICE * 4f64.powi(depth as i32)) as f32;
-        let goal = (SPARE * leaves as f64) as usize;
-        let sampled = |code: u64| code.is_multiple_of(SAMPLED) && seen.sees(code);
-        let sample = |code, block: &Block| tree(code, block, least_price);
-        let price = price(&lattice.blocks(place.functions, sampled, sample), goal / SAMPLED as usize).max(least_price);
-        let count = AtomicUsize::new(0);
-        let parts = lattice.blocks(
-            place.functions,
-            |code| seen.sees(code) && count.load(Ordering::Relaxed) <= MOST_CELLS,
-            |code, block| {
-                let tree = tree(code, block, price);
-                let cells = tree.cells(&tree.cut(price));
-                count.fetch_add(cells.len(), Ordering::Relaxed);
-                cells
-            },
-        );
-        if count.into_inner() > MOST_CELLS {
-            return Err(too_many(settings.depth));
-        }
-        let mut cells = Cells::joined(parts);
+        let Some(mut cells) = choice.cells(choice.price((SPARE * leaves as f64) as usize, least_price)) else {
+            let found = format!("{} with more than {MOST_CELLS} cells", settings.depth);
+            return Err(fault("depth", found, "a lower depth, fewer leaves or a smaller box"));
+        };
+        drop(choice);
         let sights = look(&cells, 1 << depth);
         cells.seen.iter_mut().zip(&sights).for_each(|(seen, sight)| *seen = sight.mean);
         let shows = |cell: usize| {

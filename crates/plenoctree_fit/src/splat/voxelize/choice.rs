@@ -1,0 +1,197 @@
+//! Chooses the cells of a capture: among cells twice as wide as the finest ones, and where those are not too many for
+//! their price, among the finest.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::{
+    blocks::{Block, Lattice},
+    coarse::Coarse,
+    parts::{PART, Parts},
+    place::Place,
+};
+use crate::cells::{Cells, Tree, price};
+
+/// Of this many blocks, one is used to estimate the price of a cell.
+const SAMPLED: u64 = 13;
+/// The part of a cell's price for which wide cells are divided. Details that they blur show in finest cells.
+const DIVIDED: f32 = 0.25;
+/// The largest number of cells in memory.
+pub const MOST_CELLS: usize = 40_000_000;
+
+/// The cells of a capture, of which those are chosen that pictures need.
+pub struct Choice<'a> {
+    pub place: &'a Place,
+    /// Levels of the finest cells.
+    pub depth: u32,
+    /// What is visible in them.
+    pub seen: Coarse,
+    /// The levels that chosen cells may have: the first and the last one.
+    pub levels: [u8; 2],
+    /// The Gaussians among the finest cells, and among cells that are twice as wide, with the same optical depths in all.
+    pub finest: Lattice<'a>,
+    pub wide: Lattice<'a>,
+}
+
+/// Returns the blur of wide cells, in their width, that blurs as much as merging finest cells that have this blur.
+pub fn wide_blur(blur: f64) -> f64 {
+    // The variance of the middles of the finest cells in a wide one is a quarter of their square.
+    0.5 * (blur * blur + 0.25).sqrt()
+}
+
+impl Choice<'_> {
+    /// Returns the price of a cell at which about this number is chosen, judging by a sample of the blocks, but not less
+    /// than `least`.
+    pub fn price(&self, goal: usize, least: f32) -> f32 {
+        let wanted = |code: u64| code.is_multiple_of(SAMPLED).then(|| self.seen.parts(code))?;
+        let tree = |code, block: &Block| {
+            let cells = self.place.cells(self.depth, code, block, |position| self.seen.seen(position));
+            Tree::new(&cells, least, self.levels)
+        };
+        price(&self.finest.blocks(self.place.functions, wanted, tree), goal / SAMPLED as usize).max(least)
+    }
+
+    /// Chooses the cells that are worth this price, or returns `None` if they are too many for memory.
+    ///
+    /// Of the finest cells, hardly any are chosen, so they are only made in those parts of which the wider cells are
+    /// not merged.
+    pub fn cells(&self, price: f32) -> Option<Cells> {
+        let Self { place, depth, seen, .. } = self;
+        let count = AtomicUsize::new(0);
+        let fits = || count.load(Ordering::Relaxed) <= MOST_CELLS;
+        let chosen = |cells: &Cells, price: f32, levels| {
+            let tree = Tree::new(cells, price, levels);
+            tree.cells(&tree.cut(price))
+        };
+        let counted = |cells: &Cells| count.fetch_add(cells.len(), Ordering::Relaxed);
+        let of_wide = |code, block: &Block| {
+            let cells = place.cells(depth - 1, code, block, |position| seen.seen(2 * position));
+            let mut divided = Vec::new();
+            let mut kept = Cells::default();
+            // Errors are in areas of these cells.
+            let cells = chosen(&cells, DIVIDED * 0.25 * price, [self.levels[0].saturating_sub(1), self.levels[1] - 1]);
+            for cell in 0..cells.len() {
+                if cells.levels[cell] == 0 {
+                    divided.push(cells.codes[cell] >> (3 * (PART - 1)));
+                } else {
+                    kept.push_from(&cells, cell);
+                }
+            }
+            divided.dedup();
+            counted(&kept);
+            kept.codes.iter_mut().for_each(|code| *code <<= 3);
+            kept.levels.iter_mut().for_each(|level| *level += 1);
+            (kept, divided)
+        };
+        let shows = |code: u64| (8 * code..8 * (code + 1)).any(|child| seen.parts(child).is_some());
+        let wanted = |code| (shows(code) && fits()).then_some(Parts::ALL);
+        let (mut parts, divided): (Vec<_>, Vec<_>) =
+            self.wide.blocks(place.functions, wanted, of_wide).into_iter().unzip();
+        let divided = seen.only(&divided.concat());
+        let of_finest = |code, block: &Block| {
+            let cells = place.cells(*depth, code, block, |position| divided.seen(position));
+            // Not merged with what was kept around them.
+            let cells = chosen(&cells, price, [self.levels[0], PART as u8]);
+            counted(&cells);
+            cells
+        };
+        let wanted = |code| divided.parts(code).filter(|_| fits());
+        parts.extend(self.finest.blocks(place.functions, wanted, of_finest));
+        fits().then(|| Cells::joined(parts))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Quat, Vec3};
+
+    use super::*;
+    use crate::{
+        cells::BLOCK,
+        exponential::exp_minus,
+        finest::position_of,
+        splat::{
+            splats::{Gaussian, Splats},
+            voxelize::{
+                areas::areas,
+                settings::{BLUR, VoxelSettings},
+            },
+        },
+    };
+
+    const DEPTH: u32 = 7;
+
+    /// Returns a board of thin Gaussians, with narrow stripes on one half.
+    fn board() -> Splats {
+        let mut splats = Splats::new(0);
+        for index in 0..90 * 90 {
+            let [x, y] = [index % 90, index / 90];
+            let position = Vec3::new((x as f32 + 0.5) / 90.0, (y as f32 + 0.5) / 90.0, 0.513);
+            let light = if x >= 45 && y % 2 == 0 { 1.5 } else { 0.0 };
+            let scale = Vec3::new(0.005, 0.005, 0.001);
+            let gaussian = Gaussian { position, scale, rotation: Quat::IDENTITY, opacity: 0.95 };
+            splats.push(gaussian, &[Vec3::splat(light)]);
+        }
+        splats
+    }
+
+    /// Cells are those that are chosen among all finest cells, nearly: they let about as much light through, and are as
+    /// small where there are stripes. They do not overlap.
+    #[test]
+    fn finest_cells_are_made_where_they_are_chosen() {
+        let splats = board();
+        let settings = VoxelSettings { bounds: Some((DVec3::ZERO, DVec3::ONE)), ..Default::default() };
+        let place = Place::new(&splats, &settings).unwrap();
+        let own = areas(&splats, &[], place.width(DEPTH), BLUR);
+        let lattice = |depth, blur, share: f64| {
+            let areas: Vec<f64> = own.iter().map(|area| share * area).collect();
+            Lattice::new(&splats, place.corner, place.width(depth), depth, blur, Some(&areas))
+        };
+        let choice = Choice {
+            place: &place,
+            depth: DEPTH,
+            seen: Coarse::new(&splats, place.corner, place.width(DEPTH), DEPTH, [place.low, place.high]),
+            levels: [0, BLOCK as u8],
+            finest: lattice(DEPTH, BLUR, 1.0),
+            wide: lattice(DEPTH - 1, wide_blur(BLUR), 0.25),
+        };
+        let price = 0.02;
+        let found = Cells::joined(choice.cells(price).unwrap().blocks(|_| true));
+        let tree = |code, block: &Block| {
+            let cells = place.cells(DEPTH, code, block, |position| choice.seen.seen(position));
+            let tree = Tree::new(&cells, price, choice.levels);
+            tree.cells(&tree.cut(price))
+        };
+        let expected = Cells::joined(choice.finest.blocks(place.functions, |code| choice.seen.parts(code), tree));
+        let mut end = 0;
+        for (code, level) in found.codes.iter().zip(&found.levels) {
+            assert!(*code >= end);
+            end = code + (1 << (3 * level));
+        }
+        // Mean optical depths of columns of four by four finest cells.
+        let depths = |cells: &Cells| {
+            let mut depths = vec![0.0; 32 * 32];
+            for (cell, thickness) in cells.thickness.iter().enumerate() {
+                let (at, size) = (position_of(cells.codes[cell]) / 4, 1u32 << cells.levels[cell]);
+                let columns = (size / 4).max(1);
+                for column in 0..columns * columns {
+                    let index = (at.x + column / columns) * 32 + at.y + column % columns;
+                    depths[index as usize] += thickness * (size.min(4).pow(2)) as f32 / 16.0;
+                }
+            }
+            depths
+        };
+        for (found, expected) in depths(&found).into_iter().zip(depths(&expected)) {
+            assert!((exp_minus(found) - exp_minus(expected)).abs() < 0.02, "{found} {expected}");
+        }
+        let finest = |cells: &Cells| {
+            let is_finest = |cell: &usize| cells.levels[*cell] == 0;
+            let halves = |cell: usize| position_of(cells.codes[cell]).x / 64;
+            (0..cells.len()).filter(is_finest).map(halves).fold([0.0, 0.0], |mut counts, half| {
+                counts[half as usize] += 1.0;
+                counts
+            })
+        };
+        let ([plain, striped], [_, all]) = (finest(&found), finest(&expected));
+        assert!(plain < 0.02 * striped && striped > 0.98 * all, "{plain} {striped} {all}");
+    }
+}
