@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use glam::{DVec3, I64Vec3};
 
-use crate::field::PlenOctree;
+use crate::field::{Path, PlenOctree};
 
 /// Transmittance below which a march stops and the ray counts as opaque.
 const STOP_TRANSMITTANCE: f64 = 1e-2;
@@ -60,9 +60,12 @@ impl PlenOctree {
         }
 
         let last = I64Vec3::splat((1i64 << self.depth()) - 1);
-        let mut position = (origin + t * direction).floor().as_i64vec3().clamp(I64Vec3::ZERO, last);
+        // What is cut off is below 0 anyway.
+        let mut position = (origin + t * direction).as_i64vec3().clamp(I64Vec3::ZERO, last);
+        // Neighbors are found from the smallest node around both.
+        let (mut path, mut level) = (Path::default(), self.depth());
         loop {
-            let (cell, corner, size) = self.locate(position.as_uvec3());
+            let (cell, corner, size) = self.locate_below(&mut path, level, position.as_uvec3());
             let low = corner.as_i64vec3();
             let high = low + i64::from(size);
 
@@ -85,12 +88,14 @@ impl PlenOctree {
                 return;
             }
             t = exit;
-            let inside = (origin + t * direction).floor().as_i64vec3().clamp(low, high - 1);
-            position = inside;
-            position[through] = if direction[through] > 0.0 { high[through] } else { low[through] - 1 };
-            if position[through] < 0 || position[through] > last[through] {
+            let mut next = (origin + t * direction).as_i64vec3().clamp(low, high - 1);
+            next[through] = if direction[through] > 0.0 { high[through] } else { low[through] - 1 };
+            if next[through] < 0 || next[through] > last[through] {
                 return;
             }
+            let differing = (position ^ next).as_uvec3();
+            level = u32::BITS - (differing.x | differing.y | differing.z).leading_zeros();
+            position = next;
         }
     }
 

@@ -20,6 +20,9 @@ use crate::histograms::{Histograms, Recorded, SamplingSettings};
 /// svox builds trees of at most 10 or 11 levels.
 pub const MAX_DEPTH: u32 = 20;
 
+/// The nodes that contain a cell, by their level: the binary logarithm of their width in finest cells.
+pub(crate) type Path = [u32; MAX_DEPTH as usize + 1];
+
 /// The opacity from which pixels get labels, unless settings say otherwise.
 pub const LABEL_OPACITY: f64 = 80.0 / 255.0;
 
@@ -497,14 +500,22 @@ impl PlenOctree {
     ///
     /// Every coordinate of `position` must be less than `2^depth`.
     pub fn locate(&self, position: UVec3) -> (Cell, UVec3, u32) {
-        let mut node = 0;
-        let mut level = self.depth;
+        self.locate_below(&mut Path::default(), self.depth, position)
+    }
+
+    /// Returns what [`Self::locate`] does, from the node in `path` whose cells are one level below `level`. It contains
+    /// `position`. The path then leads to the cell.
+    pub(crate) fn locate_below(&self, path: &mut Path, mut level: u32, position: UVec3) -> (Cell, UVec3, u32) {
+        let mut node = path[level as usize];
         loop {
             level -= 1;
             let part = (position >> level) & UVec3::ONE;
             let cell = self.nodes[node as usize][(4 * part.x + 2 * part.y + part.z) as usize];
             match cell.as_node() {
-                Some(child) => node = child,
+                Some(child) => {
+                    node = child;
+                    path[level as usize] = child;
+                }
                 None => return (cell, (position >> level) << level, 1 << level),
             }
         }

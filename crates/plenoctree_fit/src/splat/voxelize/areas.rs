@@ -35,6 +35,8 @@ const UNITS: f64 = 256.0;
 pub fn areas(splats: &Splats, views: &[PinholeCamera], width: f64, blur: f64) -> Vec<f64> {
     let pixels: f64 = views.iter().map(|view| f64::from(view.width) * f64::from(view.height)).sum();
     let units = UNITS.min(f64::from(u32::MAX) / pixels.max(1.0));
+    let ranges: Vec<Range> =
+        splats.gaussians().par_iter().map(|gaussian| Range::new(widths(gaussian, width, blur))).collect();
     let weights: Vec<AtomicU32> = (0..AREAS * splats.len()).map(|_| AtomicU32::new(0)).collect();
     views.par_iter().for_each(|view| {
         let show = |index: u32, sum: f32| {
@@ -42,16 +44,16 @@ pub fn areas(splats: &Splats, views: &[PinholeCamera], width: f64, blur: f64) ->
             if sum == 0 {
                 return;
             }
-            let gaussian = &splats.gaussians()[index as usize];
+            let index = index as usize;
+            let gaussian = &splats.gaussians()[index];
             let direction = (gaussian.position.as_dvec3() - view.position).normalize();
-            let apparent = Range::of(gaussian, width, blur).place(apparent(gaussian, width, blur, direction));
-            weights[index as usize * AREAS + apparent].fetch_add(sum, Ordering::Relaxed);
+            let place = ranges[index].place(ranges[index].apparent(gaussian, direction));
+            weights[index * AREAS + place].fetch_add(sum, Ordering::Relaxed);
         };
         draw(splats, view, |_, _| Vec3::ZERO, show);
     });
-    let best = |(gaussian, weights): (&Gaussian, &[AtomicU32])| {
+    let best = |((gaussian, range), weights): ((&Gaussian, &Range), &[AtomicU32])| {
         let usual = area(widths(gaussian, width, blur));
-        let range = Range::of(gaussian, width, blur);
         let mut weights: [f64; AREAS] =
             std::array::from_fn(|area| f64::from(weights[area].load(Ordering::Relaxed)) / units);
         if range.steps.is_none() || weights.iter().all(|weight| *weight == 0.0) {
@@ -61,32 +63,30 @@ pub fn areas(splats: &Splats, views: &[PinholeCamera], width: f64, blur: f64) ->
         let opacity = COMPARED * opacity(splats, gaussian, width, blur).min(MOST_OPACITY);
         range.area(least(&weights, opacity, range.ratio()))
     };
-    splats.gaussians().par_iter().zip(weights.par_chunks(AREAS)).map(best).collect()
-}
-
-/// Returns the apparent area of a Gaussian in a direction.
-fn apparent(gaussian: &Gaussian, width: f64, blur: f64, direction: DVec3) -> f64 {
-    let axes = DMat3::from_quat(gaussian.rotation.as_dquat().normalize());
-    (axes.transpose() * direction * faces(widths(gaussian, width, blur))).length()
-}
-
-/// Returns the apparent areas of an ellipsoid along its axes.
-fn faces(widths: DVec3) -> DVec3 {
-    DVec3::new(widths.y * widths.z, widths.x * widths.z, widths.x * widths.y)
+    splats.gaussians().par_iter().zip(&ranges).zip(weights.par_chunks(AREAS)).map(best).collect()
 }
 
 /// The apparent areas of a Gaussian.
 struct Range {
+    /// Those along its axes.
+    faces: DVec3,
     smallest: f64,
     /// Steps per factor of e, unless all are alike.
     steps: Option<f64>,
 }
 
 impl Range {
-    fn of(gaussian: &Gaussian, width: f64, blur: f64) -> Self {
-        let faces = faces(widths(gaussian, width, blur));
+    /// Returns those of a Gaussian with these half-widths.
+    fn new(widths: DVec3) -> Self {
+        let faces = DVec3::new(widths.y * widths.z, widths.x * widths.z, widths.x * widths.y);
         let (smallest, ratio) = (faces.min_element(), faces.max_element() / faces.min_element());
-        Self { smallest, steps: (ratio > ALIKE).then(|| (AREAS - 1) as f64 / ratio.ln()) }
+        Self { faces, smallest, steps: (ratio > ALIKE).then(|| (AREAS - 1) as f64 / ratio.ln()) }
+    }
+
+    /// Returns the area of this Gaussian in a direction.
+    fn apparent(&self, gaussian: &Gaussian, direction: DVec3) -> f64 {
+        let axes = DMat3::from_quat(gaussian.rotation.as_dquat().normalize());
+        (axes.transpose() * direction * self.faces).length()
     }
 
     /// Returns the number of the area that is most like this one.
