@@ -26,53 +26,36 @@ pub fn look(cells: &Cells, side: u32) -> Vec<Sight> {
     let directions: Vec<DVec3> = spiral(DIRECTIONS, [1.0, -1.0]).collect();
     let mut sights = vec![Sight::default(); cells.len()];
     for axis in 0..3 {
-        let order = order(cells, axis, side);
-        let squares: Vec<Square> = order.par_iter().map(|cell| Square::new(cells, *cell as usize, axis)).collect();
-        let mut found = vec![Sight::default(); cells.len()];
+        let mut squares: Vec<Square> =
+            (0..cells.len()).into_par_iter().map(|cell| Square::new(cells, cell, axis)).collect();
+        squares.par_sort_by_key(|square| square.middle);
         let along: Vec<DVec3> = directions.iter().copied().filter(|to| to.abs().max_position() == axis).collect();
         // One direction per core at a time: the results of each take as much memory as the cells.
         for directions in along.chunks(rayon::current_num_threads()) {
             let seen: Vec<Vec<[f32; 2]>> =
                 directions.par_iter().map(|direction| look_along(*direction, axis, &squares, side)).collect();
-            found.par_iter_mut().enumerate().for_each(|(index, sight)| {
+            for (index, square) in squares.iter().enumerate() {
+                let sight = &mut sights[square.cell as usize];
                 for seen in &seen {
-                    let [square, most] = seen[index];
-                    sight.mean += square / DIRECTIONS as f32;
+                    let [mean, most] = seen[index];
+                    sight.mean += mean / DIRECTIONS as f32;
                     sight.most = sight.most.max(most);
                 }
-            });
-        }
-        for (cell, found) in order.into_iter().zip(found) {
-            let sight = &mut sights[cell as usize];
-            sight.mean += found.mean;
-            sight.most = sight.most.max(found.most);
+            }
         }
     }
     sights
 }
 
-/// Returns the cells in the order of twice their middles along an axis.
-fn order(cells: &Cells, axis: usize, side: u32) -> Vec<u32> {
-    let key = |cell: usize| (2 * position_of(cells.codes[cell])[axis] + (1 << cells.levels[cell])) as usize;
-    let mut starts = vec![0u32; 2 * side as usize + 2];
-    (0..cells.len()).for_each(|cell| starts[key(cell) + 1] += 1);
-    (1..starts.len()).for_each(|index| starts[index] += starts[index - 1]);
-    let mut order = vec![0; cells.len()];
-    for cell in 0..cells.len() {
-        let start = &mut starts[key(cell)];
-        order[*start as usize] = cell as u32;
-        *start += 1;
-    }
-    order
-}
-
 /// A cell as rays along an axis cross it.
 struct Square {
+    /// Its index.
+    cell: u32,
     /// The lowest corner along the two other axes, in finest cells.
     left: u16,
     top: u16,
     size: u16,
-    /// Twice the middle along the axis.
+    /// Twice the middle along the axis. Cells with the same middle are next to each other.
     middle: u16,
     thickness: f32,
 }
@@ -82,7 +65,7 @@ impl Square {
         let (corner, size) = (position_of(cells.codes[cell]), 1 << cells.levels[cell]);
         let [left, top] = [1, 2].map(|step| corner[(axis + step) % 3] as u16);
         let middle = 2 * corner[axis] as u16 + size;
-        Self { left, top, size, middle, thickness: cells.thickness[cell] }
+        Self { cell: cell as u32, left, top, size, middle, thickness: cells.thickness[cell] }
     }
 }
 
