@@ -15,6 +15,10 @@ const OUTSIDE: f64 = 1.3;
 /// Opacity below which nothing is drawn.
 pub const FAINTEST: f32 = 1.0 / 255.0;
 
+/// More than the square of the distance within which any Gaussian is visible, in deviations: `2 ln 255`, for an opacity
+/// of 1.
+const MOST_SQUARE: f64 = 11.1;
+
 /// A Gaussian in the image.
 #[derive(Clone, Copy, Debug)]
 pub struct Projected {
@@ -58,17 +62,23 @@ pub fn project(
     if depth <= NEAR.min(gaussian.scale.max_element().into()) {
         return None;
     }
-    let limit = |tangent: f64, size: u32, focal: f64| {
-        let most = OUTSIDE * 0.5 * f64::from(size) / focal;
-        tangent.clamp(-most, most)
-    };
-    let tangent_x = limit(x / depth, camera.width, camera.focal_x);
-    let tangent_y = limit(y / depth, camera.height, camera.focal_y);
+    let center = DVec2::new(camera.focal_x * x / depth + camera.center_x, camera.focal_y * y / depth + camera.center_y);
+    let size = DVec2::new(camera.width.into(), camera.height.into());
+    let focal = DVec2::new(camera.focal_x, camera.focal_y);
+    let most = OUTSIDE * 0.5 * size / focal;
+    let scale = gaussian.scale.as_dvec3();
+    // Most Gaussians are not in a view from nearby, even if each were a ball.
+    let widest = scale.max_element() / depth * focal;
+    let farthest = (MOST_SQUARE * (widest * widest * (1.0 + most * most) + SPLAT_BLUR)).map(f64::sqrt);
+    let is_outside = |reach: DVec2| (center + reach).cmplt(DVec2::ZERO).any() || (center - reach).cmpgt(size).any();
+    if is_outside(farthest) {
+        return None;
+    }
+    let [tangent_x, tangent_y] = (DVec2::new(x, y) / depth).clamp(-most, most).to_array();
     // The derivative of the pixel, in the axes of the camera, whose y points up and whose z points back.
     let across = camera.rotation * DVec3::new(1.0, 0.0, tangent_x) * (camera.focal_x / depth);
     let down = camera.rotation * DVec3::new(0.0, -1.0, tangent_y) * (camera.focal_y / depth);
     let axes = DMat3::from_quat(gaussian.rotation.as_dquat()).transpose();
-    let scale = gaussian.scale.as_dvec3();
     let (across, down) = (scale * (axes * across), scale * (axes * down));
     let (xx, xy, yy) = (across.length_squared() + SPLAT_BLUR, across.dot(down), down.length_squared() + SPLAT_BLUR);
     let determinant = xx * yy - xy * xy;
@@ -82,12 +92,10 @@ pub fn project(
         }
     }
     let conic = DVec3::new(yy, -xy, xx) / determinant;
-    let center = DVec2::new(camera.focal_x * x / depth + camera.center_x, camera.focal_y * y / depth + camera.center_y);
     // Where the opacity falls below the faintest.
     let square = 2.0 * f64::from(opacity / FAINTEST).ln();
     let reach = DVec2::new((square * xx).sqrt(), (square * yy).sqrt());
-    let size = DVec2::new(camera.width.into(), camera.height.into());
-    if !conic.is_finite() || (center + reach).cmplt(DVec2::ZERO).any() || (center - reach).cmpgt(size).any() {
+    if !conic.is_finite() || is_outside(reach) {
         return None;
     }
     Some(Projected {

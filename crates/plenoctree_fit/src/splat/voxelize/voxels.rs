@@ -29,7 +29,7 @@ const FIRST_DEPTH: u32 = 8;
 /// The part of the cube in which something is visible, from which on cells are not divided further: it is full of haze.
 const MOST_FILLED: f64 = 0.35;
 /// The most work of adding up Gaussians, in sums: about half a minute on two cores.
-const MOST_WORK: f64 = 4e9;
+const MOST_WORK: f64 = 8e9;
 /// How many times as many cells as leaves there are at first, before hidden ones are removed.
 const SPARE: f64 = 1.5;
 /// The smallest error, in areas of the cube's face, for which a cell is split.
