@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use glam::{DVec3, I64Vec3};
 
-use crate::field::{Path, PlenOctree};
+use crate::field::{NodePath, PlenOctree};
 
 /// Transmittance below which a march stops and the ray counts as opaque.
 const STOP_TRANSMITTANCE: f64 = 1e-2;
@@ -60,10 +60,10 @@ impl PlenOctree {
         }
 
         let last = I64Vec3::splat((1i64 << self.depth()) - 1);
-        // What is cut off is below 0 anyway.
+        // Casts round toward 0, not down, but that only matters below 0, which is clamped.
         let mut position = (origin + t * direction).as_i64vec3().clamp(I64Vec3::ZERO, last);
         // Neighbors are found from the smallest node around both.
-        let (mut path, mut level) = (Path::default(), self.depth());
+        let (mut path, mut level) = (NodePath::default(), self.depth());
         loop {
             let (cell, corner, size) = self.locate_below(&mut path, level, position.as_uvec3());
             let low = corner.as_i64vec3();

@@ -18,5 +18,5 @@ pub(crate) use coefficients::from_rgb;
 pub(crate) use coefficients::{Coefficients, Tables};
 pub use densities::Densities;
 pub use frame::{Frame, UpAxis};
-pub(crate) use octree::Path;
+pub(crate) use octree::NodePath;
 pub use octree::{InvalidField, LABEL_OPACITY, MAX_DEPTH, PlenOctree};

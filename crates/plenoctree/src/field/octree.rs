@@ -21,7 +21,7 @@ use crate::histograms::{Histograms, Recorded, SamplingSettings};
 pub const MAX_DEPTH: u32 = 20;
 
 /// The nodes that contain a cell, by their level: the binary logarithm of their width in finest cells.
-pub(crate) type Path = [u32; MAX_DEPTH as usize + 1];
+pub(crate) type NodePath = [u32; MAX_DEPTH as usize + 1];
 
 /// The opacity from which pixels get labels, unless settings say otherwise.
 pub const LABEL_OPACITY: f64 = 80.0 / 255.0;
@@ -500,12 +500,12 @@ impl PlenOctree {
     ///
     /// Every coordinate of `position` must be less than `2^depth`.
     pub fn locate(&self, position: UVec3) -> (Cell, UVec3, u32) {
-        self.locate_below(&mut Path::default(), self.depth, position)
+        self.locate_below(&mut NodePath::default(), self.depth, position)
     }
 
-    /// Returns what [`Self::locate`] does, from the node in `path` whose cells are one level below `level`. It contains
-    /// `position`. The path then leads to the cell.
-    pub(crate) fn locate_below(&self, path: &mut Path, mut level: u32, position: UVec3) -> (Cell, UVec3, u32) {
+    /// Locates a cell like [`Self::locate`], but starts at the node of this `level` in `path`, which must contain
+    /// `position`. Then, the path leads to the cell; what it has for levels below is of earlier cells.
+    pub(crate) fn locate_below(&self, path: &mut NodePath, mut level: u32, position: UVec3) -> (Cell, UVec3, u32) {
         let mut node = path[level as usize];
         loop {
             level -= 1;

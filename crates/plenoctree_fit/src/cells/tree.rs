@@ -47,8 +47,8 @@ impl Cut {
 }
 
 impl Tree {
-    /// Builds the tree of cells that are all in one block, in the order of their codes, without those that no cut has for
-    /// at least this `price` per cell, or that do not have these `levels`.
+    /// Builds the tree of cells that are all in one block, in the order of their codes, without those that no cut has
+    /// for at least this `price` per cell, or that do not have these `levels`.
     pub fn new(cells: &Cells, price: f32, levels: [u8; 2]) -> Self {
         let mut tree = Self { price, levels, cells: Cells::default(), starts: Vec::new(), errors: Vec::new() };
         if let Some(first) = cells.codes.first() {
@@ -58,8 +58,8 @@ impl Tree {
         tree
     }
 
-    /// Appends a cell and all below it. Returns its index, and the smallest sum of errors and of prices of it or of cells
-    /// that it is made of, or `None` if it is empty.
+    /// Appends a cell and all below it. Returns its index, and the smallest sum of errors and of prices of it or of
+    /// cells that it is made of, or `None` if it is empty.
     fn append(&mut self, cells: &Cells, next: &mut usize, code: u64, level: u8) -> Option<(u32, f32)> {
         let first = *cells.codes.get(*next)?;
         if first >= code + (1 << (3 * level)) {

@@ -100,8 +100,8 @@ fn opacities_are_kept() {
     }
 }
 
-/// Gaussians of an antialiased capture that are smaller than a cell cover about as much in all as they do in the capture:
-/// the total of the optical depths over a plane. Others cover as much more as they grow.
+/// Gaussians of an antialiased capture that are smaller than a cell cover about as much in all as they do in the
+/// capture: the total of the optical depths over a plane. Others cover as much more as they grow.
 #[test]
 fn antialiased_gaussians_keep_what_they_cover() {
     let bounds = Some((DVec3::NEG_ONE, DVec3::ONE));
@@ -240,6 +240,21 @@ fn hidden_cells_are_left_out() {
     };
     assert!(inner(false) > 10);
     assert_eq!(inner(true), 0);
+}
+
+/// A box that is only one or two finest cells thin is not empty.
+#[test]
+fn boxes_may_be_thin() {
+    let mut splats = Splats::new(0);
+    let gaussian = Gaussian { position: Vec3::ZERO, scale: Vec3::splat(0.1), rotation: Quat::IDENTITY, opacity: 0.9 };
+    splats.push(gaussian, &[Vec3::ONE]);
+    for thickness in [0.01, 0.014, 0.03] {
+        let half = DVec3::new(0.5, 0.5, 0.5 * thickness);
+        let field =
+            voxelize(&splats, &VoxelSettings { depth: 6, bounds: Some((-half, half)), ..Default::default() }).unwrap();
+        let (_, opacity) = field.render_ray(DVec3::new(0.0, 2.0, 0.0), DVec3::NEG_Y);
+        assert!(opacity > 0.5, "{thickness}: {opacity}");
+    }
 }
 
 /// Simple captures have few leaves, however many there may be.

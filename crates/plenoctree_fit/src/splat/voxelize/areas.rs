@@ -1,7 +1,7 @@
 //! The apparent areas at which Gaussians have their opacity, chosen for those who see them.
 //!
-//! A splat is equally opaque from every side, but the optical depth of an ellipsoid is larger where its apparent area is
-//! small. Most Gaussians are flat, and seen from few sides: those from which they are not hidden.
+//! A splat is equally opaque from every side, but the optical depth of an ellipsoid is larger where its apparent area
+//! is small. Most Gaussians are flat, and seen from few sides: those from which they are not hidden.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -10,8 +10,8 @@ use plenoctree::camera::PinholeCamera;
 use rayon::prelude::*;
 
 use super::{
-    gaussian::{opacity, widths},
-    optics::{MOST_OPACITY, area},
+    gaussian::{Shown, widths},
+    optics::MOST_OPACITY,
 };
 use crate::splat::{
     render::draw,
@@ -29,10 +29,14 @@ const COMPARED: f64 = 0.75;
 /// The most units of weight in a pixel. Weights are whole numbers so that the order of views does not matter.
 const UNITS: f64 = 256.0;
 
-/// Returns, for each Gaussian, the apparent area at which it has its opacity, in square cells of this `width` and in
-/// multiples of pi, after a `blur` in cells. The squared error of its opacity is the least, over all pixels of the views
-/// that show it, by how much they do. The result is the same on any number of threads.
-pub fn areas(splats: &Splats, views: &[PinholeCamera], width: f64, blur: f64) -> Vec<f64> {
+/// Returns how each Gaussian shows in cells of this `width`, after a `blur` in cells. The squared error of its opacity
+/// is the least, over all pixels of the views that show it, by how much they do. Without views, it is that of the mean
+/// of all directions. The result is the same on any number of threads.
+pub fn areas(splats: &Splats, views: &[PinholeCamera], width: f64, blur: f64) -> Vec<Shown> {
+    let mean = |gaussian: &Gaussian| Shown::mean(splats, gaussian, width, blur);
+    if views.is_empty() {
+        return splats.gaussians().par_iter().map(mean).collect();
+    }
     let pixels: f64 = views.iter().map(|view| f64::from(view.width) * f64::from(view.height)).sum();
     let units = UNITS.min(f64::from(u32::MAX) / pixels.max(1.0));
     let ranges: Vec<Range> =
@@ -53,15 +57,15 @@ pub fn areas(splats: &Splats, views: &[PinholeCamera], width: f64, blur: f64) ->
         draw(splats, view, |_, _| Vec3::ZERO, show);
     });
     let best = |((gaussian, range), weights): ((&Gaussian, &Range), &[AtomicU32])| {
-        let usual = area(widths(gaussian, width, blur));
+        let usual = mean(gaussian);
         let mut weights: [f64; AREAS] =
             std::array::from_fn(|area| f64::from(weights[area].load(Ordering::Relaxed)) / units);
         if range.steps.is_none() || weights.iter().all(|weight| *weight == 0.0) {
             return usual;
         }
-        weights[range.place(usual)] += USUAL;
-        let opacity = COMPARED * opacity(splats, gaussian, width, blur).min(MOST_OPACITY);
-        range.area(least(&weights, opacity, range.ratio()))
+        weights[range.place(usual.area)] += USUAL;
+        let opacity = COMPARED * usual.opacity.min(MOST_OPACITY);
+        Shown { area: range.area(least(&weights, opacity, range.ratio())), ..usual }
     };
     splats.gaussians().par_iter().zip(&ranges).zip(weights.par_chunks(AREAS)).map(best).collect()
 }
@@ -106,8 +110,8 @@ impl Range {
     }
 }
 
-/// Returns the place of the area for which the squared error of this opacity is least, by the weights of areas that grow
-/// by `ratio`.
+/// Returns the place of the area for which the squared error of this opacity is least, by the weights of areas that
+/// grow by `ratio`.
 fn least(weights: &[f64; AREAS], opacity: f64, ratio: f64) -> f64 {
     // The squared error where an area has the optical depth of one that is so many places after it.
     let last = AREAS as i32 - 1;

@@ -6,7 +6,11 @@
 use glam::{DVec3, USizeVec3, UVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{gaussian::CellGaussian, optics::Profile, parts::Parts};
+use super::{
+    gaussian::{CellGaussian, Shown},
+    optics::Profile,
+    parts::Parts,
+};
 use crate::{cells::BLOCK, exponential::exp_minus, finest::position_of, splat::splats::Splats};
 
 /// The work of a Gaussian in a block apart from its sums, in sums.
@@ -25,14 +29,14 @@ pub struct Lattice<'a> {
 
 impl<'a> Lattice<'a> {
     /// Prepares the Gaussians for the cube at `corner` whose finest cells, at this depth, have this `width`. They are
-    /// blurred by this many cells. `areas`, if any, are the apparent areas at which they have their opacity: see [`areas`].
+    /// blurred by this many cells. `shown` says how they show, if not in the mean: see [`areas`].
     ///
     /// [`areas`]: super::areas::areas
-    pub fn new(splats: &'a Splats, corner: DVec3, width: f64, depth: u32, blur: f64, areas: Option<&[f64]>) -> Self {
+    pub fn new(splats: &'a Splats, corner: DVec3, width: f64, depth: u32, blur: f64, shown: Option<&[Shown]>) -> Self {
         let gaussians = (0..splats.len() as u32)
             .into_par_iter()
             .filter_map(|index| {
-                let shown = areas.map(|areas| areas[index as usize]);
+                let shown = shown.map(|shown| shown[index as usize]);
                 CellGaussian::new(splats, index, corner, width, 1 << depth, blur, shown)
             })
             .collect();
@@ -141,8 +145,8 @@ impl Block {
     fn add(&mut self, gaussian: &CellGaussian, low: UVec3, splats: &Splats, profile: &Profile) {
         let level = gaussian.level.min(BLOCK) as usize;
         // Points of lattices count in several parts.
-        let parts = if level == 0 { self.parts } else { Parts::ALL };
-        self.rasters[level].add(gaussian, low, splats, profile, &parts);
+        let parts = if level == 0 { &self.parts } else { &Parts::ALL };
+        self.rasters[level].add(gaussian, low, splats, profile, parts);
     }
 
     /// Adds the lattices to the cells.
@@ -255,8 +259,8 @@ fn add_times(sums: &mut [f32], added: &[f32], factor: f32) {
     rest.iter_mut().zip(others).for_each(|(sum, added)| *sum += factor * added);
 }
 
-/// Adds the interpolation of two neighbors in a list of elements that are each as long as `sums`, given the index of the
-/// first one and the weight of the second.
+/// Adds the interpolation of two neighbors in a list of elements that are each as long as `sums`, given the index of
+/// the first one and the weight of the second.
 fn add_between(sums: &mut [f32], list: &[f32], (before, share): (usize, f32)) {
     let (first, second) = list[before * sums.len()..][..2 * sums.len()].split_at(sums.len());
     for ((sum, first), second) in sums.iter_mut().zip(first).zip(second) {

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use super::{
     blocks::{Block, Lattice},
     coarse::Coarse,
+    gaussian::Shown,
     parts::{PART, Parts},
     place::Place,
 };
@@ -13,7 +14,8 @@ use crate::cells::{Cells, Tree, price};
 
 /// Of this many blocks, one is used to estimate the price of a cell.
 const SAMPLED: u64 = 13;
-/// The part of a cell's price for which wide cells are divided. Details that they blur show in finest cells.
+/// Wide cells are divided if that is worth this part of a cell's price, as finest cells show details that wide ones
+/// blur.
 const DIVIDED: f32 = 0.25;
 /// The largest number of cells in memory.
 pub const MOST_CELLS: usize = 40_000_000;
@@ -27,35 +29,42 @@ pub struct Choice<'a> {
     pub seen: Coarse,
     /// The levels that chosen cells may have: the first and the last one.
     pub levels: [u8; 2],
-    /// The Gaussians among the finest cells, and among cells that are twice as wide, with the same optical depths in all.
+    /// The Gaussians among the finest cells.
     pub finest: Lattice<'a>,
+    /// The same Gaussians among cells that are twice as wide, with the same optical depths in all.
     pub wide: Lattice<'a>,
 }
 
 /// Returns the blur of wide cells, in their width, that blurs as much as merging finest cells that have this blur.
 pub fn wide_blur(blur: f64) -> f64 {
-    // The variance of the middles of the finest cells in a wide one is a quarter of their square.
+    // The variance of the middles of the finest cells in a wide one is a quarter of the square of their width.
     0.5 * (blur * blur + 0.25).sqrt()
 }
 
+/// Returns how Gaussians show in wide cells that show like this in the finest ones.
+pub fn wide_shown(shown: &[Shown]) -> Vec<Shown> {
+    shown.iter().map(|shown| Shown { area: 0.25 * shown.area, ..*shown }).collect()
+}
+
 impl Choice<'_> {
-    /// Returns the price of a cell at which about this number is chosen, judging by a sample of the blocks, but not less
-    /// than `least`.
+    /// Returns the price of a cell at which about this number is chosen, judging by a sample of the blocks, but not
+    /// less than `least`.
     pub fn price(&self, goal: usize, least: f32) -> f32 {
-        let wanted = |code: u64| code.is_multiple_of(SAMPLED).then(|| self.seen.parts(code))?;
+        let wanted = |code: u64| if code.is_multiple_of(SAMPLED) { self.seen.parts(code) } else { None };
         let tree = |code, block: &Block| {
-            let cells = self.place.cells(self.depth, code, block, |position| self.seen.seen(position));
+            let cells = self.place.cells(self.depth, 0.0, code, block, |position| self.seen.seen(position));
             Tree::new(&cells, least, self.levels)
         };
         price(&self.finest.blocks(self.place.functions, wanted, tree), goal / SAMPLED as usize).max(least)
     }
 
-    /// Chooses the cells that are worth this price, or returns `None` if they are too many for memory.
+    /// Chooses the cells that are worth this price, and more of the wide ones, or returns `None` if they are too many
+    /// for memory.
     ///
-    /// Of the finest cells, hardly any are chosen, so they are only made in those parts of which the wider cells are
-    /// not merged.
-    pub fn cells(&self, price: f32) -> Option<Cells> {
-        let Self { place, depth, seen, .. } = self;
+    /// Of the finest cells, hardly any are chosen, so they are only made in those parts of which the wide cells are not
+    /// merged.
+    pub fn cells(self, price: f32) -> Option<Cells> {
+        let Self { place, depth, seen, levels, finest, wide } = self;
         let count = AtomicUsize::new(0);
         let fits = || count.load(Ordering::Relaxed) <= MOST_CELLS;
         let chosen = |cells: &Cells, price: f32, levels| {
@@ -63,20 +72,21 @@ impl Choice<'_> {
             tree.cells(&tree.cut(price))
         };
         let counted = |cells: &Cells| count.fetch_add(cells.len(), Ordering::Relaxed);
-        let of_wide = |code, block: &Block| {
-            let cells = place.cells(depth - 1, code, block, |position| seen.seen(2 * position));
-            let mut divided = Vec::new();
-            let mut kept = Cells::default();
-            // Errors are in areas of these cells.
-            let cells = chosen(&cells, DIVIDED * 0.25 * price, [self.levels[0].saturating_sub(1), self.levels[1] - 1]);
+
+        let kept_and_divided = |code, block: &Block| {
+            // Also those of which only the inner half is in the box.
+            let cells = place.cells(depth - 1, 0.25, code, block, |position| seen.seen(2 * position));
+            // Errors are in faces of wide cells, which are four times as large.
+            let cells = chosen(&cells, DIVIDED * 0.25 * price, [levels[0].saturating_sub(1), levels[1] - 1]);
+            let (mut kept, mut divided) = (Cells::default(), Vec::new());
             for cell in 0..cells.len() {
-                if cells.levels[cell] == 0 {
-                    divided.push(cells.codes[cell] >> (3 * (PART - 1)));
-                } else {
+                let part = cells.codes[cell] >> (3 * (PART - 1));
+                if cells.levels[cell] > 0 {
                     kept.push_from(&cells, cell);
+                } else if divided.last() != Some(&part) {
+                    divided.push(part);
                 }
             }
-            divided.dedup();
             counted(&kept);
             kept.codes.iter_mut().for_each(|code| *code <<= 3);
             kept.levels.iter_mut().for_each(|level| *level += 1);
@@ -84,25 +94,27 @@ impl Choice<'_> {
         };
         let shows = |code: u64| (8 * code..8 * (code + 1)).any(|child| seen.parts(child).is_some());
         let wanted = |code| (shows(code) && fits()).then_some(Parts::ALL);
-        let (mut parts, divided): (Vec<_>, Vec<_>) =
-            self.wide.blocks(place.functions, wanted, of_wide).into_iter().unzip();
+        let (mut lists, divided): (Vec<_>, Vec<_>) =
+            wide.blocks(place.functions, wanted, kept_and_divided).into_iter().unzip();
+        drop(wide);
+
         let divided = seen.only(&divided.concat());
-        let of_finest = |code, block: &Block| {
-            let cells = place.cells(*depth, code, block, |position| divided.seen(position));
-            // Not merged with what was kept around them.
-            let cells = chosen(&cells, price, [self.levels[0], PART as u8]);
+        let of_divided = |code, block: &Block| {
+            let cells = place.cells(depth, 0.0, code, block, |position| divided.seen(position));
+            // They are not merged with what was kept around them.
+            let cells = chosen(&cells, price, [levels[0], PART as u8]);
             counted(&cells);
             cells
         };
         let wanted = |code| divided.parts(code).filter(|_| fits());
-        parts.extend(self.finest.blocks(place.functions, wanted, of_finest));
-        fits().then(|| Cells::joined(parts))
+        lists.extend(finest.blocks(place.functions, wanted, of_divided));
+        fits().then(|| Cells::joined(lists))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use glam::{DVec3, Quat, Vec3};
+    use glam::{DVec3, Quat, UVec3, Vec3};
 
     use super::*;
     use crate::{
@@ -134,6 +146,46 @@ mod tests {
         splats
     }
 
+    /// Returns the Gaussians among finest and among wide cells.
+    fn lattices<'a>(splats: &'a Splats, place: &Place) -> [Lattice<'a>; 2] {
+        let shown = areas(splats, &[], place.width(DEPTH), BLUR);
+        let lattice = |depth, blur, shown: &[Shown]| {
+            Lattice::new(splats, place.corner, place.width(depth), depth, blur, Some(shown))
+        };
+        [lattice(DEPTH, BLUR, &shown), lattice(DEPTH - 1, wide_blur(BLUR), &wide_shown(&shown))]
+    }
+
+    /// Gaussians have the same optical depths in all in wide cells, also those whose opacity falls as they are blurred.
+    #[test]
+    fn wide_cells_hold_as_much_as_finest_cells() {
+        let settings = VoxelSettings { bounds: Some((DVec3::ZERO, DVec3::ONE)), ..Default::default() };
+        for (antialiased, scale) in [(false, 0.1), (true, 0.1), (false, 1.0), (true, 1.0)] {
+            let mut splats = Splats::new(0);
+            splats.set_antialiased(antialiased);
+            let cell = 1.0 / (1 << DEPTH) as f32;
+            for index in 0..400 {
+                let position = Vec3::new(0.618, 0.755, 0.570) * index as f32;
+                let position = 0.1 + 0.8 * (position - position.floor());
+                let scale = cell * Vec3::new(scale, scale, 0.1 * scale);
+                let gaussian = Gaussian { position, scale, rotation: Quat::IDENTITY, opacity: 0.9 };
+                splats.push(gaussian, &[Vec3::ONE]);
+            }
+            let place = Place::new(&splats, &settings).unwrap();
+            let sums = lattices(&splats, &place).map(|lattice| {
+                let sum = |_, block: &Block| {
+                    let side = 1 << BLOCK;
+                    let cell =
+                        |index: u32| block.cell(UVec3::new(index / side / side, index / side % side, index % side))[0];
+                    (0..side.pow(3)).map(cell).sum::<f32>()
+                };
+                lattice.blocks(0, |_| Some(Parts::ALL), sum).into_iter().sum::<f32>()
+            });
+            let ratio = 4.0 * sums[1] / sums[0];
+            // Sums at the middles of cells are not integrals.
+            assert!((0.9..1.1).contains(&ratio), "{antialiased} {scale}: {ratio}");
+        }
+    }
+
     /// Cells are those that are chosen among all finest cells, nearly: they let about as much light through, and are as
     /// small where there are stripes. They do not overlap.
     #[test]
@@ -141,27 +193,17 @@ mod tests {
         let splats = board();
         let settings = VoxelSettings { bounds: Some((DVec3::ZERO, DVec3::ONE)), ..Default::default() };
         let place = Place::new(&splats, &settings).unwrap();
-        let own = areas(&splats, &[], place.width(DEPTH), BLUR);
-        let lattice = |depth, blur, share: f64| {
-            let areas: Vec<f64> = own.iter().map(|area| share * area).collect();
-            Lattice::new(&splats, place.corner, place.width(depth), depth, blur, Some(&areas))
-        };
-        let choice = Choice {
-            place: &place,
-            depth: DEPTH,
-            seen: Coarse::new(&splats, place.corner, place.width(DEPTH), DEPTH, [place.low, place.high]),
-            levels: [0, BLOCK as u8],
-            finest: lattice(DEPTH, BLUR, 1.0),
-            wide: lattice(DEPTH - 1, wide_blur(BLUR), 0.25),
-        };
-        let price = 0.02;
-        let found = Cells::joined(choice.cells(price).unwrap().blocks(|_| true));
+        let [finest, wide] = lattices(&splats, &place);
+        let seen = Coarse::new(&splats, place.corner, place.width(DEPTH), DEPTH, [place.low, place.high]);
+        let (price, levels) = (0.02, [0, BLOCK as u8]);
         let tree = |code, block: &Block| {
-            let cells = place.cells(DEPTH, code, block, |position| choice.seen.seen(position));
-            let tree = Tree::new(&cells, price, choice.levels);
+            let cells = place.cells(DEPTH, 0.0, code, block, |position| seen.seen(position));
+            let tree = Tree::new(&cells, price, levels);
             tree.cells(&tree.cut(price))
         };
-        let expected = Cells::joined(choice.finest.blocks(place.functions, |code| choice.seen.parts(code), tree));
+        let expected = Cells::joined(finest.blocks(place.functions, |code| seen.parts(code), tree));
+        let choice = Choice { place: &place, depth: DEPTH, seen, levels, finest, wide };
+        let found = Cells::joined(choice.cells(price).unwrap().blocks(|_| true));
         let mut end = 0;
         for (code, level) in found.codes.iter().zip(&found.levels) {
             assert!(*code >= end);

@@ -12,6 +12,22 @@ const REACH: [f64; 2] = [4.0, 9.0];
 /// Smallest deviation of a Gaussian in a lattice of points, in their distances: between them, it is interpolated.
 const SMOOTH: f64 = 3.0;
 
+/// How a Gaussian shows.
+#[derive(Clone, Copy, Debug)]
+pub struct Shown {
+    /// Its opacity.
+    pub opacity: f64,
+    /// The apparent area at which it has this opacity, in square cells and in multiples of pi.
+    pub area: f64,
+}
+
+impl Shown {
+    /// Returns how a Gaussian shows in cells of this width after a blur, in the mean of all directions.
+    pub fn mean(splats: &Splats, gaussian: &Gaussian, width: f64, blur: f64) -> Self {
+        Self { opacity: opacity(splats, gaussian, width, blur), area: area(widths(gaussian, width, blur)) }
+    }
+}
+
 /// A Gaussian in cells: the cube spans 0 to the number of cells per side.
 #[derive(Clone, Copy, Debug)]
 pub struct CellGaussian {
@@ -39,8 +55,8 @@ impl CellGaussian {
     /// Returns the Gaussian in the cells of a cube, or `None` if it does not reach the cube or is invisible.
     ///
     /// `blur` is a standard deviation in cells by which it is made wider. Its opacity stays the same, as when it is
-    /// drawn, where it is blurred by half a pixel, or falls as its area grows if the capture is antialiased. It has that
-    /// opacity where its apparent area is `shown`, in square cells, or else [`area`].
+    /// drawn, where it is blurred by half a pixel, or falls as its area grows if the capture is antialiased. It is
+    /// [`Shown::mean`], unless it is `shown` otherwise.
     pub fn new(
         splats: &Splats,
         index: u32,
@@ -48,13 +64,13 @@ impl CellGaussian {
         width: f64,
         cells: u32,
         blur: f64,
-        shown: Option<f64>,
+        shown: Option<Shown>,
     ) -> Option<Self> {
         let gaussian = splats.gaussians()[index as usize];
         let center = (gaussian.position.as_dvec3() - corner) / width;
         let axes = DMat3::from_quat(gaussian.rotation.as_dquat().normalize());
         let widths = widths(&gaussian, width, blur);
-        let opacity = opacity(splats, &gaussian, width, blur);
+        let Shown { opacity, area } = shown.unwrap_or_else(|| Shown::mean(splats, &gaussian, width, blur));
         if opacity < FAINTEST {
             return None;
         }
@@ -74,7 +90,7 @@ impl CellGaussian {
             inverse: square(widths.recip()).as_mat3(),
             reach: reach as f32,
             opacity: opacity.min(MOST_OPACITY) as f32,
-            scale: (shown.unwrap_or_else(|| area(widths)) / widths.element_product()) as f32,
+            scale: (area / widths.element_product()) as f32,
             extent: extent.as_vec3(),
             level: (widths.min_element() / SMOOTH).log2().max(0.0) as u32,
             low: low.as_uvec3(),

@@ -12,7 +12,7 @@ const SIDE: usize = 1 << (BLOCK - PART);
 /// Some of the parts of a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parts {
-    /// A bit for each part along z, in a list of rows of columns: x, y.
+    /// For each column, at `x * SIDE + y`, a bit for each part along z.
     columns: [u8; SIDE * SIDE],
 }
 
@@ -29,8 +29,8 @@ impl Parts {
         columns.iter().any(|column| *column != 0).then_some(Self { columns })
     }
 
-    /// Returns the first and the last place of a column of cells, along z, between which all of its cells in these parts
-    /// are, or `None` if it has none.
+    /// Returns the first and the last place of a column of cells, along z, between which all of its cells in these
+    /// parts are, or `None` if it has none.
     #[inline(always)]
     pub fn range(&self, x: usize, y: usize) -> Option<[usize; 2]> {
         let column = self.columns[(x >> PART) * SIDE + (y >> PART)];

@@ -20,6 +20,7 @@ use crate::{
 const MOST_DEGREE: u32 = 2;
 /// The field's least and greatest depth.
 pub const DEPTHS: [u32; 2] = [6, 10];
+
 /// The cube of a field around a box of a capture.
 pub struct Place {
     /// The corners of the box.
@@ -58,11 +59,12 @@ impl Place {
         self.size / f64::from(1u32 << depth)
     }
 
-    /// Returns the cells of a block at a depth that are in the box and not empty, with how visible each is. `seen`
-    /// returns that of the eight cells with the lowest one at a position: the others are left out if it is 0.
-    pub fn cells(&self, depth: u32, code: u64, block: &Block, seen: impl Fn(UVec3) -> f32) -> Cells {
+    /// Returns the cells of a block at a depth that are not empty and whose middles are in the box, or outside by at
+    /// most this part of their width, with how visible each is. `seen` returns that of eight cells, given the position
+    /// of the lowest one: these are left out if it is 0.
+    pub fn cells(&self, depth: u32, outside: f64, code: u64, block: &Block, seen: impl Fn(UVec3) -> f32) -> Cells {
         let width = self.width(depth);
-        let limits = [(self.low - self.corner) / width, (self.high - self.corner) / width];
+        let limits = [(self.low - self.corner) / width - outside, (self.high - self.corner) / width + outside];
         let thinnest = per_cell(THINNEST, depth);
         let mut cells = Cells::default();
         let mut color = Vec::new();

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::{
     areas::areas,
     blocks::Lattice,
-    choice::{Choice, MOST_CELLS, wide_blur},
+    choice::{Choice, MOST_CELLS, wide_blur, wide_shown},
     coarse::Coarse,
     place::{DEPTHS, Place, fault},
     settings::{BLUR, BLURS, FAINTEST, VoxelSettings, per_cell},
@@ -30,7 +30,7 @@ const FIRST_DEPTH: u32 = 8;
 const MOST_FILLED: f64 = 0.35;
 /// The most work of adding up Gaussians, in sums: about half a minute on two cores.
 const MOST_WORK: f64 = 8e9;
-/// How many times as many cells as leaves there are at first, before hidden ones are removed.
+/// About how many times as many cells as leaves there are at first, before hidden ones are removed.
 const SPARE: f64 = 1.5;
 /// The smallest error, in areas of the cube's face, for which a cell is split.
 const LEAST_PRICE: f64 = 1e-11;
@@ -65,9 +65,10 @@ impl Voxels {
         let mut most = (settings.depth + 1).min(DEPTHS[1]);
         // Lattices are not kept until they are added up: there are several, of about 100 bytes per Gaussian each.
         let works: [OnceCell<f64>; DEPTHS[1] as usize + 1] = Default::default();
-        let lattice = |depth, blur, areas| Lattice::new(splats, place.corner, place.width(depth), depth, blur, areas);
+        let lattice = |depth, blur, shown| Lattice::new(splats, place.corner, place.width(depth), depth, blur, shown);
         let work = |depth: u32| *works[depth as usize].get_or_init(|| lattice(depth, BLUR, None).work());
-        // At most, everything is added up in finest cells, and before that in wide ones and for each coarse look.
+        // Apart from a sample, everything is added up at most once in finest cells, in wide ones and for each coarse
+        // look.
         let all_work = |depth: u32| {
             let looks: f64 = (depth.min(FIRST_DEPTH)..=depth).map(|depth| work(depth - 1)).sum();
             looks + work(depth - 1) + work(depth)
@@ -83,24 +84,18 @@ impl Voxels {
             seen = coarse(depth);
         }
         let blur = settings.blur * f64::from(depth as i32 - settings.depth as i32).exp2().max(1.0);
-        let areas = areas(splats, &settings.views, place.width(depth), blur);
-        // In wide cells.
-        let wide_areas: Vec<f64> = areas.iter().map(|area| 0.25 * area).collect();
+        let shown = areas(splats, &settings.views, place.width(depth), blur);
         let levels = [depth.saturating_sub(settings.depth) as u8, BLOCK as u8];
-        let choice = Choice {
-            place: &place,
-            depth,
-            seen,
-            levels,
-            finest: lattice(depth, blur, Some(&areas)),
-            wide: lattice(depth - 1, wide_blur(blur), Some(&wide_areas)),
-        };
+        let finest = lattice(depth, blur, Some(&shown));
+        let wide = lattice(depth - 1, wide_blur(blur), Some(&wide_shown(&shown)));
+        drop(shown);
+        let choice = Choice { place: &place, depth, seen, levels, finest, wide };
         let least_price = (LEAST_PRICE * 4f64.powi(depth as i32)) as f32;
-        let Some(mut cells) = choice.cells(choice.price((SPARE * leaves as f64) as usize, least_price)) else {
+        let price = choice.price((SPARE * leaves as f64) as usize, least_price);
+        let Some(mut cells) = choice.cells(price) else {
             let found = format!("{} with more than {MOST_CELLS} cells", settings.depth);
             return Err(fault("depth", found, "a lower depth, fewer leaves or a smaller box"));
         };
-        drop(choice);
         let sights = look(&cells, 1 << depth);
         cells.seen.iter_mut().zip(&sights).for_each(|(seen, sight)| *seen = sight.mean);
         let shows = |cell: usize| {
