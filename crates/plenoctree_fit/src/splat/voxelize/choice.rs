@@ -10,7 +10,10 @@ use super::{
     parts::{PART, Parts},
     place::Place,
 };
-use crate::cells::{Cells, Tree, price};
+use crate::{
+    cells::{Cells, Tree, price},
+    splat::splats::Splats,
+};
 
 /// Of this many blocks, one is used to estimate the price of a cell.
 const SAMPLED: u64 = 13;
@@ -35,15 +38,15 @@ pub struct Choice<'a> {
     pub wide: Lattice<'a>,
 }
 
-/// Returns the blur of wide cells, in their width, that blurs as much as merging finest cells that have this blur.
-pub fn wide_blur(blur: f64) -> f64 {
-    // The variance of the middles of the finest cells in a wide one is a quarter of the square of their width.
-    0.5 * (blur * blur + 0.25).sqrt()
-}
-
-/// Returns how Gaussians show in wide cells that show like this in the finest ones.
-pub fn wide_shown(shown: &[Shown]) -> Vec<Shown> {
-    shown.iter().map(|shown| Shown { area: 0.25 * shown.area, ..*shown }).collect()
+/// Returns the Gaussians among the finest cells, at this depth, and among cells that are twice as wide. `blur` and
+/// `shown` are those of the finest cells.
+pub fn lattices<'a>(splats: &'a Splats, place: &Place, depth: u32, blur: f64, shown: &[Shown]) -> [Lattice<'a>; 2] {
+    let lattice =
+        |depth, blur, shown: &[Shown]| Lattice::new(splats, place.corner, place.width(depth), depth, blur, Some(shown));
+    // As much as merging finest cells blurs, whose middles have a variance of a quarter of the square of their width.
+    let wide_blur = 0.5 * (blur * blur + 0.25).sqrt();
+    let wide_shown: Vec<Shown> = shown.iter().map(|shown| Shown { area: 0.25 * shown.area, ..*shown }).collect();
+    [lattice(depth, blur, shown), lattice(depth - 1, wide_blur, &wide_shown)]
 }
 
 impl Choice<'_> {
@@ -122,7 +125,7 @@ mod tests {
         exponential::exp_minus,
         finest::position_of,
         splat::{
-            splats::{Gaussian, Splats},
+            splats::Gaussian,
             voxelize::{
                 areas::areas,
                 settings::{BLUR, VoxelSettings},
@@ -146,15 +149,6 @@ mod tests {
         splats
     }
 
-    /// Returns the Gaussians among finest and among wide cells.
-    fn lattices<'a>(splats: &'a Splats, place: &Place) -> [Lattice<'a>; 2] {
-        let shown = areas(splats, &[], place.width(DEPTH), BLUR);
-        let lattice = |depth, blur, shown: &[Shown]| {
-            Lattice::new(splats, place.corner, place.width(depth), depth, blur, Some(shown))
-        };
-        [lattice(DEPTH, BLUR, &shown), lattice(DEPTH - 1, wide_blur(BLUR), &wide_shown(&shown))]
-    }
-
     /// Gaussians have the same optical depths in all in wide cells, also those whose opacity falls as they are blurred.
     #[test]
     fn wide_cells_hold_as_much_as_finest_cells() {
@@ -171,7 +165,8 @@ mod tests {
                 splats.push(gaussian, &[Vec3::ONE]);
             }
             let place = Place::new(&splats, &settings).unwrap();
-            let sums = lattices(&splats, &place).map(|lattice| {
+            let shown = areas(&splats, &[], place.width(DEPTH), BLUR);
+            let sums = lattices(&splats, &place, DEPTH, BLUR, &shown).map(|lattice| {
                 let sum = |_, block: &Block| {
                     let side = 1 << BLOCK;
                     let cell =
@@ -193,7 +188,8 @@ mod tests {
         let splats = board();
         let settings = VoxelSettings { bounds: Some((DVec3::ZERO, DVec3::ONE)), ..Default::default() };
         let place = Place::new(&splats, &settings).unwrap();
-        let [finest, wide] = lattices(&splats, &place);
+        let shown = areas(&splats, &[], place.width(DEPTH), BLUR);
+        let [finest, wide] = lattices(&splats, &place, DEPTH, BLUR, &shown);
         let seen = Coarse::new(&splats, place.corner, place.width(DEPTH), DEPTH, [place.low, place.high]);
         let (price, levels) = (0.02, [0, BLOCK as u8]);
         let tree = |code, block: &Block| {

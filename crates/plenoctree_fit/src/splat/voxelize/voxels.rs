@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::{
     areas::areas,
     blocks::Lattice,
-    choice::{Choice, MOST_CELLS, wide_blur, wide_shown},
+    choice::{Choice, MOST_CELLS, lattices},
     coarse::Coarse,
     place::{DEPTHS, Place, fault},
     settings::{BLUR, BLURS, FAINTEST, VoxelSettings, per_cell},
@@ -65,8 +65,8 @@ impl Voxels {
         let mut most = (settings.depth + 1).min(DEPTHS[1]);
         // Lattices are not kept until they are added up: there are several, of about 100 bytes per Gaussian each.
         let works: [OnceCell<f64>; DEPTHS[1] as usize + 1] = Default::default();
-        let lattice = |depth, blur, shown| Lattice::new(splats, place.corner, place.width(depth), depth, blur, shown);
-        let work = |depth: u32| *works[depth as usize].get_or_init(|| lattice(depth, BLUR, None).work());
+        let lattice = |depth| Lattice::new(splats, place.corner, place.width(depth), depth, BLUR, None);
+        let work = |depth: u32| *works[depth as usize].get_or_init(|| lattice(depth).work());
         // Apart from a sample, everything is added up at most once in finest cells, in wide ones and for each coarse
         // look.
         let all_work = |depth: u32| {
@@ -86,8 +86,7 @@ impl Voxels {
         let blur = settings.blur * f64::from(depth as i32 - settings.depth as i32).exp2().max(1.0);
         let shown = areas(splats, &settings.views, place.width(depth), blur);
         let levels = [depth.saturating_sub(settings.depth) as u8, BLOCK as u8];
-        let finest = lattice(depth, blur, Some(&shown));
-        let wide = lattice(depth - 1, wide_blur(blur), Some(&wide_shown(&shown)));
+        let [finest, wide] = lattices(splats, &place, depth, blur, &shown);
         drop(shown);
         let choice = Choice { place: &place, depth, seen, levels, finest, wide };
         let least_price = (LEAST_PRICE * 4f64.powi(depth as i32)) as f32;
