@@ -64,8 +64,8 @@ impl Arrival {
             .world()
             .spawn(readback)
             .observe(move |frame: On<ReadbackComplete>| store.lock().unwrap().push(frame.data.clone()));
-        // Compiles the pipelines of a view without props.
-        stage.update(4);
+        // Compiles the pipelines of a view without props, however long that takes.
+        stage.capture();
         Self { stage, frames }
     }
 
