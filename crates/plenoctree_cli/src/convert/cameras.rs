@@ -12,7 +12,7 @@ const MEASURING: u32 = 6;
 /// Number of cameras to refine with.
 const REFINING: u32 = 160;
 /// Number of cameras with small pictures nearby, and from halfway.
-const LOOKING: [u32; 2] = [100, 60];
+const LOOKING: [u32; 2] = [48, 32];
 /// Width and height of their pictures.
 const SMALL: u32 = 64;
 /// Field of view, in radians.

@@ -176,8 +176,6 @@ pub fn run(arguments: &Arguments) -> Result {
         field = field.shifted(shift).map_err(|error| format!("{}: {error}", path.display()))?;
     }
 
-    let start = Instant::now();
-    let palette = output::palette(&arguments.out, &field, &arguments.extraction);
     let seconds = |duration: Duration| (1e3 * duration.as_secs_f64()).round() / 1e3;
     let row = |at: usize| [turn.x_axis[at], turn.y_axis[at], turn.z_axis[at], shift[at]];
     let report = json!({
@@ -194,10 +192,9 @@ pub fn run(arguments: &Arguments) -> Result {
             "voxelizing": seconds(voxelizing),
             "refining": seconds(refining),
             "measuring": seconds(measuring),
-            "palette": seconds(start.elapsed()),
         },
     });
-    let written = output::write(&arguments.out, &field, palette.as_ref(), measured.previews(), &report)?;
+    let written = output::write(&arguments.out, &field, &arguments.extraction, measured.previews(), &report)?;
     console::say!("{}: {}", arguments.out.display(), counted(written, "leaf", "leaves"));
     Ok(())
 }

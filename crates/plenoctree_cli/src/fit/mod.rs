@@ -94,8 +94,7 @@ pub fn run(arguments: &Arguments) -> Result {
             now.map_or("is in none of them".into(), |now| format!("{:.2} dB", before.in_common(&now)[1]))
         );
     } else {
-        let palette = output::palette(&arguments.out, &field, &arguments.extraction);
-        let leaves = output::write(&arguments.out, &field, palette.as_ref(), &previews, &described)?;
+        let leaves = output::write(&arguments.out, &field, &arguments.extraction, &previews, &described)?;
         print(arguments, &report, leaves);
     }
     if let Some(path) = checkpoint.filter(|_| !report.stopped) {

@@ -2,7 +2,9 @@
 
 use std::{
     fs,
+    panic::resume_unwind,
     path::{Path, PathBuf},
+    thread,
 };
 
 use image::RgbImage;
@@ -42,7 +44,7 @@ pub fn check_outside_previews<'a>(out: &Path, inputs: impl IntoIterator<Item = &
 
 /// Extracts the palette of a field. Warns if it has none, because nothing of it is visible: that is no reason to lose
 /// the field.
-pub fn palette(out: &Path, field: &PlenOctree, arguments: &ExtractionArguments) -> Option<Palette> {
+fn palette(out: &Path, field: &PlenOctree, arguments: &ExtractionArguments) -> Option<Palette> {
     let extracted = extraction::extract(field, out, arguments, None, false);
     extracted
         .inspect_err(|error| console::complain!("warning: the field is written without a palette: {error}"))
@@ -50,17 +52,17 @@ pub fn palette(out: &Path, field: &PlenOctree, arguments: &ExtractionArguments) 
         .map(|extracted| extracted.extraction.palette)
 }
 
-/// Writes the field, its palette, previews of the held-out views, and the report. Another palette that is there is kept
-/// under another name. If that fails, nothing incomplete is left. Returns the number of leaves in the file: packing
-/// leaves out hidden ones. A field that cannot be packed is written as it is, next to the output.
+/// Extracts the palette of the field, and writes both, previews of the held-out views, and the report. Another palette
+/// that is there is kept under another name. If that fails, nothing incomplete is left. Returns the number of leaves in
+/// the file: packing leaves out hidden ones. A field that cannot be packed is written as it is, next to the output.
 pub fn write(
     out: &Path,
     field: &PlenOctree,
-    palette: Option<&Palette>,
+    extraction: &ExtractionArguments,
     previews: &[Comparison],
     report: &Value,
 ) -> Result<usize> {
-    write_all(out, field, palette, previews, report).inspect_err(|_| {
+    write_all(out, field, extraction, previews, report).inspect_err(|_| {
         for target in targets(out) {
             let _ = fs::remove_file(partial(&target));
         }
@@ -70,7 +72,7 @@ pub fn write(
 fn write_all(
     out: &Path,
     field: &PlenOctree,
-    palette: Option<&Palette>,
+    extraction: &ExtractionArguments,
     previews: &[Comparison],
     report: &Value,
 ) -> Result<usize> {
@@ -86,18 +88,28 @@ fn write_all(
                 out.display(),
                 unpacked.display()
             );
-            return write(&unpacked, field, palette, previews, report);
+            return write(&unpacked, field, extraction, previews, report);
         }
         Some(Ok(packed)) => Some(packed),
         None => None,
     };
     pack::warn_of_density(out, field);
     let field_file = partial(&targets[0]);
-    let (leaves, psnr, written) = match &packed {
-        Some(packed) => (packed.field().leaves(), pack::psnr(field, packed.field()), packed.write(&field_file)),
-        None => (field.leaves(), None, field.write(&field_file)),
+    let (leaves, psnr) = match &packed {
+        Some(packed) => (packed.field().leaves(), pack::psnr(field, packed.field())),
+        None => (field.leaves(), None),
     };
-    written.map_err(|error| format!("{}: {error}", out.display()))?;
+    let write = || match &packed {
+        Some(packed) => packed.write(&field_file),
+        None => field.write(&field_file),
+    };
+    // Files are compressed on one core, meanwhile.
+    let (written, palette) = thread::scope(|scope| {
+        let writing = scope.spawn(write);
+        let palette = palette(out, field, extraction);
+        (writing.join(), palette)
+    });
+    written.unwrap_or_else(|panic| resume_unwind(panic)).map_err(|error| format!("{}: {error}", out.display()))?;
     if let Some(psnr) = psnr {
         console::say!("packed: {psnr:.1} dB from the field that was measured");
     }
@@ -107,13 +119,13 @@ fn write_all(
     report["written"] = json!({ "leaves": leaves, "packed": packed.is_some(), "packed_psnr_db": psnr });
     let names = preview_names(previews.iter().map(|preview| &*preview.name));
     report[PREVIEWS] = json!(names);
-    if let Some(palette) = palette {
+    if let Some(palette) = &palette {
         palette.write(partial(&targets[1]))?;
     }
     files::write_text(&partial(&targets[2]), &(serde_json::to_string_pretty(&report)? + "\n"))?;
     // The result is worth more than an edited palette of the one before, or the report about another field.
     let kept = [
-        files::keep_former_palette(&targets[1], palette),
+        files::keep_former_palette(&targets[1], palette.as_ref()),
         files::keep_former_report(&targets[2], |former| former["field"]["file"] == report["field"]["file"]),
     ];
     for error in kept.into_iter().filter_map(Result::err) {

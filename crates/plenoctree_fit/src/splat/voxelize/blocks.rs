@@ -153,8 +153,9 @@ impl Block {
     fn flatten(&mut self) {
         for level in (1..self.rasters.len()).rev() {
             let (finer, coarser) = self.rasters.split_at_mut(level);
+            let parts = if level == 1 { &self.parts } else { &Parts::ALL };
             if !coarser[0].is_empty {
-                finer[level - 1].add_interpolated(&coarser[0]);
+                finer[level - 1].add_interpolated(&coarser[0], parts);
             }
         }
     }
@@ -220,8 +221,8 @@ impl Raster {
         }
     }
 
-    /// Adds the sums of a lattice with half as many points, interpolated linearly.
-    fn add_interpolated(&mut self, coarser: &Self) {
+    /// Adds the sums of a lattice with half as many points, interpolated linearly, where these parts are.
+    fn add_interpolated(&mut self, coarser: &Self, parts: &Parts) {
         self.is_empty = false;
         // The points on either side of each of ours, and the weight of the second.
         let places: Vec<(usize, f32)> = (0..self.side)
@@ -236,13 +237,15 @@ impl Raster {
         let mut plane = vec![0.0; coarser.side * row_length];
         let mut row = vec![0.0; row_length];
         let own_row = self.side * self.stride;
-        for (sums, x) in self.sums.chunks_exact_mut(self.side * own_row).zip(&places) {
+        for (x, sums) in self.sums.chunks_exact_mut(self.side * own_row).enumerate() {
             plane.fill(0.0);
-            add_between(&mut plane, &coarser.sums, *x);
-            for (sums, y) in sums.chunks_exact_mut(own_row).zip(&places) {
+            add_between(&mut plane, &coarser.sums, places[x]);
+            for (y, sums) in sums.chunks_exact_mut(own_row).enumerate() {
+                let Some([lowest, highest]) = parts.range(x, y) else { continue };
                 row.fill(0.0);
-                add_between(&mut row, &plane, *y);
-                for (sums, z) in sums.chunks_exact_mut(self.stride).zip(&places) {
+                add_between(&mut row, &plane, places[y]);
+                let points = sums.chunks_exact_mut(self.stride).zip(&places);
+                for (sums, z) in points.take(highest + 1).skip(lowest) {
                     add_between(sums, &row, *z);
                 }
             }
@@ -304,6 +307,40 @@ mod tests {
             let worst = differences.iter().copied().fold(0.0, f32::max) / largest;
             let mean = differences.iter().sum::<f32>() / differences.len() as f32 / largest;
             assert!(worst < 0.08 && mean < 0.01, "{level}: {worst} {mean}");
+        }
+    }
+
+    /// Cells in parts that are wanted have the sums that they have if all are.
+    #[test]
+    fn sums_of_parts_are_those_of_all() {
+        let parts = Parts::some(|part| (part.x + 2 * part.y + part.z).is_multiple_of(3) && part.x != 2).unwrap();
+        let profile = Profile::new();
+        for scale in [1.0, 7.0, 17.0, 40.0] {
+            let mut splats = Splats::new(0);
+            let scale = scale * Vec3::new(1.0, 0.7, 1.2);
+            let gaussian = Gaussian { position: Vec3::splat(19.3), scale, rotation: Quat::IDENTITY, opacity: 0.7 };
+            splats.push(gaussian, &[Vec3::new(0.5, -0.2, 0.9)]);
+            let own = CellGaussian::new(&splats, 0, DVec3::ZERO, 1.0, 32, 0.4, None).unwrap();
+            let [some, all] = [parts, Parts::ALL].map(|parts| {
+                let mut block = Block::new(1);
+                block.start(parts);
+                block.add(&own, UVec3::ZERO, &splats, &profile);
+                block.flatten();
+                block
+            });
+            let wanted = |at: &UVec3| {
+                parts
+                    .range(at.x as usize, at.y as usize)
+                    .is_some_and(|[from, to]| (from..=to).contains(&(at.z as usize)))
+            };
+            let side = 1 << BLOCK;
+            let places = (0..side * side * side).map(|at| UVec3::new(at / side / side, at / side % side, at % side));
+            let (mut compared, mut sum) = (0, 0.0);
+            for at in places.filter(wanted) {
+                assert_eq!(some.cell(at), all.cell(at), "{scale}: {at}");
+                (compared, sum) = (compared + 1, sum + some.cell(at)[0]);
+            }
+            assert!(compared > 5000 && sum > 0.0, "{scale}: {compared} cells, {sum}");
         }
     }
 

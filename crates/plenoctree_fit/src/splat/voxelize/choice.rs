@@ -1,5 +1,5 @@
-//! Chooses the cells of a capture: among cells twice as wide as the finest ones, and where those are not too many for
-//! their price, among the finest.
+//! Chooses the cells of a capture: among cells twice as wide as the finest ones, and where those are not merged, among
+//! the finest.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -7,7 +7,7 @@ use super::{
     blocks::{Block, Lattice},
     coarse::Coarse,
     gaussian::Shown,
-    parts::{PART, Parts},
+    parts::PART,
     place::Place,
 };
 use crate::{
@@ -95,8 +95,7 @@ impl Choice<'_> {
             kept.levels.iter_mut().for_each(|level| *level += 1);
             (kept, divided)
         };
-        let shows = |code: u64| (8 * code..8 * (code + 1)).any(|child| seen.parts(child).is_some());
-        let wanted = |code| (shows(code) && fits()).then_some(Parts::ALL);
+        let wanted = |code| seen.wide_parts(code).filter(|_| fits());
         let (mut lists, divided): (Vec<_>, Vec<_>) =
             wide.blocks(place.functions, wanted, kept_and_divided).into_iter().unzip();
         drop(wide);
@@ -128,6 +127,7 @@ mod tests {
             splats::Gaussian,
             voxelize::{
                 areas::areas,
+                parts::Parts,
                 settings::{BLUR, VoxelSettings},
             },
         },

@@ -1,6 +1,6 @@
 //! Finds the parts of a cube that are visible from outside, before it is divided into finest cells.
 
-use glam::{DVec3, IVec3, UVec3};
+use glam::{DVec3, UVec3};
 
 use super::{
     blocks::{Block, Lattice},
@@ -58,15 +58,15 @@ impl Coarse {
                 continue;
             }
             let position = position_of(cells.codes[cell]);
-            for code in 0..27 {
-                let offset = IVec3::new(code / 9 - 1, code / 3 % 3 - 1, code % 3 - 1);
-                let place = position.as_ivec3() + offset;
-                if place.min_element() >= 0 && place.max_element() < side as i32 {
-                    let index = coarse.index(place.as_uvec3());
-                    let least = if offset == IVec3::ZERO { sight.mean } else { NEIGHBOR };
-                    coarse.seen[index] = coarse.seen[index].max(least);
+            let (first, last) = (position.saturating_sub(UVec3::ONE), (position + 1).min(UVec3::splat(side - 1)));
+            for x in first.x..=last.x {
+                for y in first.y..=last.y {
+                    let row = [first.z, last.z].map(|z| coarse.index(UVec3::new(x, y, z)));
+                    coarse.seen[row[0]..=row[1]].iter_mut().for_each(|seen| *seen = seen.max(NEIGHBOR));
                 }
             }
+            let own = coarse.index(position);
+            coarse.seen[own] = coarse.seen[own].max(sight.mean);
         }
         coarse
     }
@@ -85,6 +85,13 @@ impl Coarse {
     pub fn parts(&self, block: u64) -> Option<Parts> {
         let low = position_of(block) << (BLOCK - PART);
         Parts::some(|part| self.seen[self.index(low + part)] > 0.0)
+    }
+
+    /// Returns the parts of a block of cells that are twice as wide in which something is visible, likewise.
+    pub fn wide_parts(&self, block: u64) -> Option<Parts> {
+        let low = position_of(block) << (BLOCK - PART);
+        let eight = |part| (0..8).map(move |code| 2 * (low + part) + position_of(code));
+        Parts::some(|part| eight(part).any(|coarse| self.seen[self.index(coarse)] > 0.0))
     }
 
     /// Returns these cells, by their codes, as if nothing else were visible.

@@ -30,19 +30,19 @@ pub fn look(cells: &Cells, side: u32) -> Vec<Sight> {
             (0..cells.len()).into_par_iter().map(|cell| Square::new(cells, cell, axis)).collect();
         squares.par_sort_by_key(|square| square.middle);
         let along: Vec<DVec3> = directions.iter().copied().filter(|to| to.abs().max_position() == axis).collect();
+        let mut found: Vec<Sight> = squares.par_iter().map(|square| sights[square.cell as usize]).collect();
         // One direction per core at a time: the results of each take as much memory as the cells.
         for directions in along.chunks(rayon::current_num_threads()) {
             let seen: Vec<Vec<[f32; 2]>> =
                 directions.par_iter().map(|direction| look_along(*direction, axis, &squares, side)).collect();
-            for (index, square) in squares.iter().enumerate() {
-                let sight = &mut sights[square.cell as usize];
-                for seen in &seen {
-                    let [mean, most] = seen[index];
+            found.par_iter_mut().enumerate().for_each(|(index, sight)| {
+                for [mean, most] in seen.iter().map(|seen| seen[index]) {
                     sight.mean += mean / DIRECTIONS as f32;
                     sight.most = sight.most.max(most);
                 }
-            }
+            });
         }
+        squares.iter().zip(found).for_each(|(square, sight)| sights[square.cell as usize] = sight);
     }
     sights
 }
