@@ -348,6 +348,10 @@ mod tests {
         extraction: ExtractionArguments,
     }
 
+    fn extraction() -> ExtractionArguments {
+        Arguments::parse_from(["test"]).extraction
+    }
+
     /// A field in which nothing is visible.
     fn field() -> PlenOctree {
         let settings = BakeSettings { depth: 2, basis: Basis::Rgba, directions: 8, ..Default::default() };
@@ -398,7 +402,7 @@ mod tests {
         fs::create_dir_all(folder.path().join("store")).unwrap();
         fs::write(&linked, "former").unwrap();
         std::os::unix::fs::symlink("store/linked.npz", &out).unwrap();
-        write(&folder.path().join("a.npz"), &field(), None, &[], &json!({ "of": "a" })).unwrap();
+        write(&folder.path().join("a.npz"), &field(), &extraction(), &[], &json!({ "of": "a" })).unwrap();
         let preview = Comparison {
             name: "a.png".into(),
             width: 1,
@@ -407,7 +411,7 @@ mod tests {
             rendered: vec![[0; 3]],
             ..Comparison::default()
         };
-        write(&out, &field(), None, &[preview], &json!({ "of": "b" })).unwrap();
+        write(&out, &field(), &extraction(), &[preview], &json!({ "of": "b" })).unwrap();
         let report =
             |name: &str| -> Value { serde_json::from_slice(&fs::read(folder.path().join(name)).unwrap()).unwrap() };
         assert_eq!([&report("report.json.old")["of"], &report("report.json")["of"]], ["a", "b"]);
@@ -423,7 +427,7 @@ mod tests {
         let (min, max) = (glam::DVec3::splat(-0.1), glam::DVec3::splat(0.1));
         let settings = BakeSettings { depth: 2, min, max, basis: Basis::Rgba, directions: 8, ..Default::default() };
         let haze = bake(&settings, |_| 0.02, |_| |_| glam::DVec3::ONE).unwrap();
-        assert_eq!(write(&out, &haze, None, &[], &json!({})).unwrap(), haze.leaves());
+        assert_eq!(write(&out, &haze, &extraction(), &[], &json!({})).unwrap(), haze.leaves());
         assert!(out.exists() && !folder.path().join("haze.npz").exists());
     }
 
@@ -433,10 +437,8 @@ mod tests {
         let (folder, field) = (tempfile::tempdir().unwrap(), field());
         let out = folder.path().join("solid.npz");
         fs::write(folder.path().join("solid.palette.json"), "another").unwrap();
-        let palette = palette(&out, &field, &Arguments::parse_from(["test"]).extraction);
-        assert!(palette.is_none());
-        check(&out, &[], &Arguments::parse_from(["test"]).extraction).unwrap();
-        write(&out, &field, palette.as_ref(), &[], &Value::Null).unwrap();
+        check(&out, &[], &extraction()).unwrap();
+        write(&out, &field, &extraction(), &[], &Value::Null).unwrap();
         let names: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         assert!(names.len() == 3 && names.contains(&"solid.npz".into()), "{names:?}");
         assert!(names.contains(&"solid.palette.json.old".into()), "{names:?}");
