@@ -19,7 +19,7 @@ const STEPS: u64 = 1000;
 /// The exit code of a program that Ctrl-C ended.
 const INTERRUPTED: i32 = 130;
 
-/// From now on, all work is done by this many threads, or one for each core if it is 0.
+/// From now on, work that is divided among threads is divided among this many, or one for each core if it is 0.
 pub fn use_threads(threads: u32) -> Result {
     Ok(rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global()?)
 }

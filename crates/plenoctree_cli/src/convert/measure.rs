@@ -5,7 +5,6 @@ use std::fmt;
 use glam::DVec3;
 use plenoctree::{PlenOctree, camera::PinholeCamera, reference::render};
 use plenoctree_fit::{Comparison, Shot, decibels, splat::SplatImage};
-use rayon::prelude::*;
 use serde_json::{Value, json};
 
 /// The backgrounds of both.
@@ -73,66 +72,45 @@ impl Pictures {
         both.map(|(camera, image)| Shot::new(camera, &image.pixels)).collect()
     }
 
-    /// Renders the field in float64, with one ray through the center of each pixel, and compares, on all cores.
+    /// Renders the field in float64, with one ray through the center of each pixel, and compares.
     pub fn compare(&self, field: &PlenOctree) -> Compared {
-        let both = self.cameras.par_iter().zip(&self.images).enumerate();
-        let views: Vec<View> = both.map(|(index, (camera, image))| View::new(index, camera, image, field)).collect();
-        let sum = |of: fn(&View) -> f64| views.iter().map(of).sum::<f64>();
-        let mean = |side: usize| views.iter().map(|view| view.psnr[side]).sum::<f64>() / views.len().max(1) as f64;
-        let shown_pixels = sum(|view| view.shown_pixels);
+        let (mut views, mut previews) = (Vec::new(), Vec::new());
+        let (mut shown_squared, mut shown_count, mut count) = (0.0, 0.0, 0.0);
+        for (index, (camera, image)) in self.cameras.iter().zip(&self.images).enumerate() {
+            let rendering = render(field, camera);
+            let opacities = image.pixels.iter().zip(&rendering.opacity);
+            let is_shown: Vec<bool> = opacities.map(|(a, b)| f64::from(a.w).max(*b) >= CLEAR).collect();
+            shown_count += is_shown.iter().filter(|shown| **shown).count() as f64;
+            count += is_shown.len() as f64;
+            let mut pictures = Vec::new();
+            let psnr = BACKGROUNDS.map(|(_, background)| {
+                let (splat, field) = (image.over(background), rendering.over(background));
+                let squared: Vec<f64> = splat.iter().zip(&field).map(|(a, b)| a.distance_squared(*b)).collect();
+                let shown = squared.iter().zip(&is_shown).filter(|(_, shown)| **shown);
+                shown_squared += shown.map(|(squared, _)| squared).sum::<f64>();
+                pictures.push((splat, field));
+                decibels(squared.iter().sum::<f64>() / (3.0 * rendering.color.len() as f64))
+            });
+            views.push(psnr);
+            let (splat, field) = pictures.swap_remove(0);
+            let bytes =
+                |colors: Vec<DVec3>| colors.into_iter().map(|color| crate::hex::quantize(color.to_array())).collect();
+            previews.push(Comparison {
+                name: format!("{index:02}"),
+                width: camera.width,
+                height: camera.height,
+                photographed: bytes(splat),
+                rendered: bytes(field),
+                psnr: psnr[0],
+                ..Comparison::default()
+            });
+        }
+        let mean = |side: usize| views.iter().map(|psnr| psnr[side]).sum::<f64>() / views.len().max(1) as f64;
         let shown = Shown {
-            share: shown_pixels / sum(|view| view.pixels).max(1.0),
-            psnr: if shown_pixels > 0.0 {
-                decibels(sum(|view| view.shown_squared) / (6.0 * shown_pixels))
-            } else {
-                0.0
-            },
+            share: shown_count / f64::max(count, 1.0),
+            psnr: if shown_count > 0.0 { decibels(shown_squared / (6.0 * shown_count)) } else { 0.0 },
         };
-        let psnr = [mean(0), mean(1)];
-        let (views, previews) = views.into_iter().map(|view| (view.psnr, view.preview)).unzip();
-        Compared { psnr, views, shown, previews }
-    }
-}
-
-/// A view of a field next to one of its capture.
-struct View {
-    /// PSNR over white, and over black.
-    psnr: [f64; 2],
-    pixels: f64,
-    /// The pixels in which either shows something.
-    shown_pixels: f64,
-    /// The squared error there, summed over both backgrounds and all channels.
-    shown_squared: f64,
-    preview: Comparison,
-}
-
-impl View {
-    fn new(index: usize, camera: &PinholeCamera, image: &SplatImage, field: &PlenOctree) -> Self {
-        let rendering = render(field, camera);
-        let opacities = image.pixels.iter().zip(&rendering.opacity);
-        let is_shown: Vec<bool> = opacities.map(|(a, b)| f64::from(a.w).max(*b) >= CLEAR).collect();
-        let (mut shown_squared, mut pictures) = (0.0, Vec::new());
-        let psnr = BACKGROUNDS.map(|(_, background)| {
-            let (splat, field) = (image.over(background), rendering.over(background));
-            let squared: Vec<f64> = splat.iter().zip(&field).map(|(a, b)| a.distance_squared(*b)).collect();
-            let shown = squared.iter().zip(&is_shown).filter(|(_, shown)| **shown);
-            shown_squared += shown.map(|(squared, _)| squared).sum::<f64>();
-            pictures.push([splat, field]);
-            decibels(squared.iter().sum::<f64>() / (3.0 * rendering.color.len() as f64))
-        });
-        let quantized = |color: &DVec3| crate::hex::quantize(color.to_array());
-        let [photographed, rendered] = pictures[0].each_ref().map(|colors| colors.iter().map(quantized).collect());
-        let preview = Comparison {
-            name: format!("{index:02}"),
-            width: camera.width,
-            height: camera.height,
-            photographed,
-            rendered,
-            psnr: psnr[0],
-            ..Comparison::default()
-        };
-        let shown_pixels = is_shown.iter().filter(|shown| **shown).count() as f64;
-        Self { psnr, pixels: is_shown.len() as f64, shown_pixels, shown_squared, preview }
+        Compared { psnr: [mean(0), mean(1)], views, shown, previews }
     }
 }
 

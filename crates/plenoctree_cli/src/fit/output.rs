@@ -103,7 +103,7 @@ fn write_all(
         Some(packed) => packed.write(&field_file),
         None => field.write(&field_file),
     };
-    // Files are compressed on one core, meanwhile.
+    // A field is compressed on one core. The others extract the palette meanwhile.
     let (written, palette) = thread::scope(|scope| {
         let writing = scope.spawn(write);
         let palette = palette(out, field, extraction);

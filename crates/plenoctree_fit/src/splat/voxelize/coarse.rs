@@ -15,7 +15,7 @@ use crate::{
     splat::splats::Splats,
 };
 
-/// How visible the neighbors of visible cells are, at least: some rays may pass between those that were followed.
+/// How visible visible cells and their neighbors are, at least: some rays may pass between those that were followed.
 const NEIGHBOR: f32 = 1e-6;
 
 /// How visible each coarse cell is: a part of a block of finest cells.
@@ -116,4 +116,35 @@ fn thickness(block: &Block, position: UVec3, thinnest: f32) -> f32 {
         if thickness < thinnest { 1.0 } else { exp_minus(thickness) }
     });
     merged_thickness(through)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// Of a block of wide cells, those parts are wanted in which any finest cells are visible.
+        #[test]
+        fn wide_parts_hold_what_is_visible(chosen in prop::collection::vec(0usize..16 * 16 * 16, 1..200)) {
+            // One block of wide cells.
+            let mut seen = vec![0.0; 16 * 16 * 16];
+            chosen.iter().for_each(|index| seen[*index] = 1.0);
+            let coarse = Coarse { side: 16, seen };
+            let parts = coarse.wide_parts(0).unwrap();
+            for x in 0..1 << BLOCK {
+                for y in 0..1 << BLOCK {
+                    // Cells are read in groups of eight, as far as these are visible.
+                    let is_read = |z: &u32| {
+                        let part = UVec3::new(x, y, *z) >> PART << PART;
+                        (0..64).any(|code| coarse.seen(2 * (part + position_of(code))) > 0.0)
+                    };
+                    let mut read = (0..1 << BLOCK).filter(is_read).map(|z| z as usize);
+                    let range = read.next().map(|first| [first, read.next_back().unwrap_or(first)]);
+                    prop_assert_eq!(parts.range(x as usize, y as usize), range);
+                }
+            }
+        }
+    }
 }

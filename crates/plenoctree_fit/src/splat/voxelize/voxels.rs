@@ -24,7 +24,7 @@ use crate::{
 const FEWEST_LEAVES: usize = 1 << (3 * (DEPTHS[1] - BLOCK));
 /// The largest: 1.2 GB of coefficients of degree 2.
 const MOST_LEAVES: usize = 20_000_000;
-/// The depth at which to see how much of the cube is filled. With smaller cells, no more of it is.
+/// The first depth at which to see how much of the cube is filled.
 const FIRST_DEPTH: u32 = 8;
 /// The part of the cube in which something is visible, from which on cells are not divided further: it is full of haze.
 const MOST_FILLED: f64 = 0.35;
@@ -67,17 +67,20 @@ impl Voxels {
         let works: [OnceCell<f64>; DEPTHS[1] as usize + 1] = Default::default();
         let lattice = |depth| Lattice::new(splats, place.corner, place.width(depth), depth, BLUR, None);
         let work = |depth: u32| *works[depth as usize].get_or_init(|| lattice(depth).work());
-        // Apart from a sample and a first look, everything is added up at most once in finest cells, and twice in wide
-        // ones: for a coarse look as well.
-        let all_work = |depth: u32| 2.0 * work(depth - 1) + work(depth);
+        // Apart from a sample, everything is added up at most once in finest cells, in wide ones and for each coarse
+        // look.
+        let all_work = |depth: u32| {
+            let looks: f64 = (depth.min(FIRST_DEPTH)..=depth).map(|depth| work(depth - 1)).sum();
+            looks + work(depth - 1) + work(depth)
+        };
         while most > DEPTHS[0] && all_work(most) > MOST_WORK {
             most -= 1;
         }
         let coarse = |depth| Coarse::new(splats, place.corner, place.width(depth), depth, [place.low, place.high]);
         let mut depth = most.min(FIRST_DEPTH);
         let mut seen = coarse(depth);
-        if depth < most && seen.filled() < MOST_FILLED {
-            depth = most;
+        while depth < most && seen.filled() < MOST_FILLED {
+            depth += 1;
             seen = coarse(depth);
         }
         let blur = settings.blur * f64::from(depth as i32 - settings.depth as i32).exp2().max(1.0);
