@@ -52,9 +52,9 @@ pub enum PropPlacement {
 /// in section 4 of the method, in the shown colors of the field's palette in [`Palettes`](crate::Palettes). If the
 /// field has no palette, one is loaded or extracted, as for a [`Prop`](crate::Prop); no prop has to show the field.
 ///
-/// The camera's own [`Posterize`] holds the settings; its `min_opacity` is ignored. Remove the `Posterize` to turn the
-/// effect off. Add a [`PaletteOverride`](crate::PaletteOverride) to the camera to change the shown colors of this view
-/// only.
+/// The camera's own [`Posterize`] holds the settings; its `min_opacity`, `before_palette` and `edges` are ignored.
+/// Remove the `Posterize` to turn the effect off. Add a [`PaletteOverride`](crate::PaletteOverride) to the camera to
+/// change the shown colors of this view only.
 ///
 /// At [`PropPlacement::Scene`], the effect covers everything that is drawn before the transparent pass. At
 /// [`PropPlacement::Display`], it covers everything below the UI.

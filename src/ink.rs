@@ -60,7 +60,7 @@ pub struct Ink {
     pub borders: InkBorders,
 }
 
-/// The maximum of [`Ink::max_pixels`].
+/// The maximum of [`Ink::max_pixels`], in pixels.
 pub const MAX_INK_PIXELS: f32 = 16.0;
 
 /// The color of [`Ink`].
@@ -71,7 +71,7 @@ pub enum InkColor {
     /// The same color everywhere. Its alpha is the opacity of the lines. The prop's [`PropTint`](crate::PropTint)
     /// applies to it.
     Flat(Color),
-    /// The color of the label below the line, with this fraction of its light, from 0 to 1.
+    /// The color of the label below the line, with this fraction of its linear light. Clamped to 0..=1.
     Tone(f32),
 }
 
@@ -94,7 +94,8 @@ pub enum InkBorders {
     Ramps,
     /// All of them.
     Labels,
-    /// Those between two ramps, if the list has the pair in either order.
+    /// Those between two ramps, if the list has the pair of their indices in either order. Indices that the palette
+    /// does not have are ignored.
     Pairs(Vec<[usize; 2]>),
 }
 

@@ -85,7 +85,7 @@ pub struct PropLighting {
     ///
     /// Defaults to 0, which costs nothing. Clamped to 0..=[`MAX_BRIGHTNESS`].
     pub brightness: f32,
-    /// How strongly lights from beside and from behind light the prop along its outline, relative to a surface that
+    /// How strongly lights from beside and from behind light the prop along its silhouette, relative to a surface that
     /// faces them. Takes effect with a [`brightness`](Self::brightness).
     ///
     /// Defaults to 0. Clamped to 0..=1.

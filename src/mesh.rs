@@ -11,7 +11,9 @@ use plenoctree::{MeshError, PlenOctree};
 ///
 /// It is in the frame of the field's [`Prop`](crate::Prop), with y up. Add a collider of it to the same entity, but a
 /// `Mesh3d` to a child: Bevy would cull the prop by the box of the mesh, which leaves out what is not solid.
-/// [`PlenOctree::surface_mesh`] describes the arguments, and returns plain vertices and triangles.
+/// A part is solid if it absorbs `opacity` of the light (more than 0, less than 1) within `cell_size`, the width of the
+/// mesh's cells in units of the field. [`PlenOctree::surface_mesh`] says more, and returns plain vertices and
+/// triangles.
 ///
 /// This takes a while for a large field or small cells. In a running app, call it from a task.
 ///

@@ -47,13 +47,13 @@ pub struct Posterize {
     pub softness: f32,
     /// The opacity below which pixels are drawn as trained, from 0 to 1; `lambda` in the method.
     ///
-    /// Defaults to 80/255. Negative values count as 0.
+    /// Defaults to 80/255. Negative values count as 0. With values above 1, nothing is posterized.
     pub min_opacity: f32,
     /// The filter that flattens colors before labels are assigned.
     ///
     /// Defaults to one iteration with a radius of 6, four taps, a spatial sigma of 5 and a range sigma of 5: tones
-    /// flatten colors, too, and a second iteration would lose details. [`BilateralFilter::default`] is the paper's filter
-    /// instead. To change a single setting, write `..Posterize::default().filter`.
+    /// flatten colors, too, and a second iteration would lose details. [`BilateralFilter::default`] is the paper's
+    /// filter instead. To change a single setting, write `..Posterize::default().filter`.
     pub filter: BilateralFilter,
     /// What is drawn until the palette is loaded or extracted.
     ///
@@ -113,8 +113,8 @@ pub enum BorderSmoothing {
     /// Borders run where interpolated colors are equally near to two labels: along a straight line within each pixel.
     /// The labels on both sides are blended in linear light, by the share of the pixel that they cover. Islands of up
     /// to three pixels are absorbed by the label around them, and so are lines of one pixel between two ramps that have
-    /// the color of a third. Labels that blend into one another ([`Posterize::softness`]) have no borders, and are drawn
-    /// as with [`BorderSmoothing::Off`]. See section 4 of the method, step 11. This is the default.
+    /// the color of a third. Labels that blend into one another ([`Posterize::softness`]) have no borders, and are
+    /// drawn as with [`BorderSmoothing::Off`]. See section 4 of the method, step 11. This is the default.
     #[default]
     Interpolated,
     /// The center of a pixel decides for the whole pixel, as in the paper.
@@ -131,7 +131,7 @@ pub enum BeforePalette {
     /// Nothing, or the prop's earlier field if it had another one. This is the default.
     #[default]
     Hide,
-    /// The prop as trained. At night, it may seem to glow for some frames.
+    /// The prop as trained. In a dark scene, it may look too bright until then if only its palette was darkened.
     AsTrained,
 }
 

@@ -20,12 +20,12 @@ use crate::posterize::MAX_FILTER_ITERATIONS;
 /// until it is ready, the field itself or a more exact level is drawn. Levels take additional GPU memory until no
 /// camera or light has requested them for 600 frames, so do not animate these settings.
 ///
-/// The table lists the accuracy that tests guarantee for the presets, with the most demanding of the baked props (thin
-/// rails, gloss) and with a field that no preset was tuned to, where they fill a frame of 400 x 400 pixels and, in
-/// parentheses, one of 160 x 160 pixels, in which their details are the size of pixels: the lowest PSNR against
-/// float64, and the largest fraction of the prop's pixels whose label differs from the one in float64, when labels do
-/// not blend. Larger frames are more accurate. Fields with many details of the size of pixels are less accurate: of a
-/// trained field of 256 cells per side, [`BALANCED`](Self::BALANCED) changes twice as many labels.
+/// The table lists the accuracy that tests guarantee for the presets: the lowest PSNR against float64, and the largest
+/// fraction of the prop's pixels with another label than in float64, when labels do not blend. The tests draw the most
+/// demanding of the baked props (thin rails, gloss) and a field that no preset was tuned to. They fill a frame of 400 x
+/// 400 pixels or, in parentheses, of 160 x 160 pixels, in which their details are the size of pixels. Larger frames are
+/// more accurate. Fields with many details of the size of pixels are less accurate: of a trained field of 256 cells per
+/// side, [`BALANCED`](Self::BALANCED) changes twice as many labels.
 ///
 /// | | PSNR, at least | labels changed, at most |
 /// |---|---|---|
@@ -64,8 +64,8 @@ pub struct PropQuality {
     /// of encoded sRGB, of opacity, or of distance, relative to the distance itself.
     ///
     /// Above 0, only a grid of rays is cast at first, through every second pixel along each axis. Where these differ by
-    /// more, or belong to different props, or where a mesh ends in front of a prop, all pixels get rays. What is thinner
-    /// than two pixels may be missed where no ray of the grid meets it.
+    /// more, or belong to different props, or where a mesh ends in front of a prop, all pixels get rays. What is
+    /// thinner than two pixels may be missed where no ray of the grid meets it.
     ///
     /// Defaults to 0, which gives every pixel a ray. Below 0.1, hardly any time is saved. Where props are so
     /// small that nearly all of their pixels get rays anyway, it costs time. Negative values count as 0.

@@ -47,7 +47,7 @@ pub enum PlenOctreeRenderSystems {
     /// Blends the layer over the scene, finds how much of the pixels at the edges of a single prop it covers, filters,
     /// assigns labels, smooths borders and edges, draws ink, and runs custom stages.
     Posterize(PropPlacement),
-    /// Writes the result to the view's target, and the depth of props where they are solid.
+    /// Fades props in fog, and writes the result to the view's target, and the depth of props where they are solid.
     Present(PropPlacement),
     /// Draws transparent objects again, over props at [`PropPlacement::Display`].
     Objects,

@@ -139,7 +139,8 @@ impl PaletteOverride {
     }
 
     /// Shows the ramp of this name in another color: a team color in one line. Its mean becomes the color, and its
-    /// contrast is kept. Replaces an earlier adjustment of the same ramp.
+    /// contrast is kept as far as [`FieldPalette::set_ramp`](crate::FieldPalette::set_ramp) says. Replaces an earlier
+    /// adjustment of the same ramp.
     ///
     /// It has no effect while the field has no palette. If the palette has no such ramp, a warning is logged (once per
     /// app). Colors that are overridden by themselves keep their color.

@@ -96,7 +96,8 @@ impl FieldPalette {
         new
     }
 
-    /// Creates a palette from colors of equal weight. They are both the source colors and the shown colors.
+    /// Creates a palette from colors of equal weight, which are converted to encoded sRGB. They are both the source
+    /// colors and the shown colors. Alpha is ignored.
     ///
     /// Returns an error if there are no colors, more than [`Palette::MAX_COLORS`], or any that are not finite.
     pub fn from_colors(colors: impl IntoIterator<Item = impl Into<Color>>) -> Result<Self, InvalidPalette> {
@@ -218,9 +219,10 @@ impl FieldPalette {
         self.palette.ramp_color(ramp).as_ref().map(decoded)
     }
 
-    /// Shows a ramp in another color: its mean becomes the color, and its contrast is kept. Replaces what
-    /// was done to its shown colors before. If there is no such ramp, changes nothing, logs a warning (once per app),
-    /// and returns false.
+    /// Shows a ramp in another color: its mean becomes the color, and its contrast is kept as long as it fits between
+    /// black and white. Near them, the ramp loses up to a quarter of its contrast, and then its mean gives way. Alpha
+    /// is ignored. Replaces what was done to its shown colors before. If there is no such ramp, changes nothing, logs a
+    /// warning (once per app), and returns false.
     ///
     /// ```
     /// # use bevy::prelude::*;

@@ -24,7 +24,7 @@ pub fn or_default(path: Option<&Path>) -> PathBuf {
 #[derive(Args, Clone, Copy, Default)]
 pub struct FieldArguments {
     /// How the numbers in the field's file become colors. By default, as a packed field records; otherwise sigmoid, or
-    /// identity for RGBA. RGBA fields that svox optimized or plenoctree extracted need sigmoid.
+    /// identity for RGBA. RGBA fields that svox optimized or sxyu/plenoctree extracted need sigmoid.
     #[arg(long, value_enum)]
     activation: Option<Curve>,
     /// The axis that points up in the field. By default, the one that a packed field records; otherwise z.

@@ -12,6 +12,6 @@ pub enum Preset {
     High,
     /// A compromise for most games.
     Balanced,
-    /// For many props, or a slow GPU.
+    /// For a slow GPU. Crowds of tiny props gain nothing.
     Fast,
 }

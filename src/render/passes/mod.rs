@@ -25,7 +25,9 @@ use super::{
 /// The names of the spans in Bevy's render diagnostics whose times add up to the time of drawing props.
 pub const VOLUME_SPANS: &[&str] =
     &[volume::VOLUME, volume::VOLUME_BATCHES, volume::SOLID, volume::SOLID_BATCHES, volume::CHECK, volume::FILL];
-/// The names of the spans in Bevy's render diagnostics whose times add up to the time of posterizing.
+/// The names of the spans in Bevy's render diagnostics whose times add up to the time of all that follows
+/// [`VOLUME_SPANS`]: posterizing, fog, transparent objects over props, and writing the target. Props as trained need
+/// some of it, too. Custom stages and the light on props are not included.
 pub const POSTERIZE_SPANS: &[&str] = &[
     labels::PRESENT,
     labels::LABEL,

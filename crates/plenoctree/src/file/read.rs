@@ -69,8 +69,8 @@ impl PlenOctree {
     /// Extensions of the files that [`Self::read`] reads.
     pub const EXTENSIONS: [&'static str; 2] = ["plenoctree", "npz"];
 
-    /// Reads a PlenOctree file: a packed field (`.plenoctree`), or an `.npz` file as written by svox, plenoctree, the
-    /// compression of volrend or the conversion of svox2. The format is detected from the content, not the name.
+    /// Reads a PlenOctree file: a packed field (`.plenoctree`), or an `.npz` file as written by svox, sxyu/plenoctree,
+    /// the compression of volrend or the conversion of svox2. The format is detected from the content, not the name.
     ///
     /// Arrays of `.npz` files are streamed, and only the leaves that are kept take up memory. Nodes and leaves are
     /// sorted in depth-first order, and nodes that the root does not reach are dropped. Arrays may be in C or Fortran

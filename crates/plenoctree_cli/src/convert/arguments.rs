@@ -20,7 +20,7 @@ pub struct Arguments {
     #[arg(long, value_name = "PROP")]
     pub out: PathBuf,
     /// The number of levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default, as many as make
-    /// cells about a pixel wide at the distance --near, at most 10.
+    /// cells about a pixel wide at the distance --near. 6 to 10.
     #[arg(long, value_parser = clap::value_parser!(u32).range(6..=10))]
     pub depth: Option<u32>,
     /// The most leaves, 32768 to 20000000. They are small where the capture shows detail, and there are fewer if more
@@ -54,15 +54,15 @@ pub struct Arguments {
     /// of that.
     #[arg(long, default_value_t = 1.0, value_parser = parse_positive, conflicts_with = "no_refine")]
     pub effort: f64,
-    /// The width and height of the capture's pictures, in pixels.
+    /// The width and height of the capture's pictures, in pixels, 16 to 2048.
     #[arg(long, value_name = "N", default_value_t = 400, value_parser = clap::value_parser!(u32).range(16..=2048))]
     pub picture_size: u32,
     /// Turn the field upright, so that z is up, and place it on the origin. Otherwise, it keeps the coordinates of the
     /// capture.
     #[arg(long)]
     pub stand: bool,
-    /// With --stand, the direction that is up in the capture. By default, what the file says, or else -y, as in the .ply
-    /// files of most trainers.
+    /// With --stand, the direction that is up in the capture. By default, what the file says, or else -y, as in the
+    /// .ply files of most trainers.
     #[arg(long, value_parser = one_of(Axis::ALL, Axis::name), allow_hyphen_values = true, requires = "stand")]
     pub up: Option<Axis>,
     /// The seed of the random numbers.

@@ -33,7 +33,7 @@ pub struct Arguments {
     /// Other views to measure the result on, as an input like INPUT. No views of INPUT are held out then.
     #[arg(long, value_name = "INPUT", conflicts_with = "holdout")]
     pub test: Option<PathBuf>,
-    /// Average every N x N pixels.
+    /// Average every N x N pixels, 1 to 64.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     downscale: u32,
     /// The most leaves of the field, 32768 to 20000000. They are small where that improves pictures most.
@@ -41,17 +41,17 @@ pub struct Arguments {
         value_parser = clap::value_parser!(u32).range(32_768..=20_000_000))]
     leaves: u32,
     /// The most levels of cells: the finest are 2^-DEPTH of the field's cube wide. By default, as many as make them
-    /// about half a pixel wide, 7 to 9.
+    /// about half a pixel wide, 7 to 9. 6 to 10.
     #[arg(long, value_parser = clap::value_parser!(u32).range(6..=10))]
     depth: Option<u32>,
     /// The number of spherical harmonics per channel: 1, 4, 9 or 16.
     #[arg(long, default_value = "9", value_parser = parse_basis)]
     sh: Basis,
-    /// For glTF models: the number of pictures to render; by default 120.
+    /// For glTF models: the number of pictures to render, 8 to 10000; by default 120.
     #[cfg(feature = "gltf")]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=10_000))]
     pub views: Option<u32>,
-    /// For glTF models: the width and height of the pictures, in pixels; by default 400.
+    /// For glTF models: the width and height of the pictures, in pixels, 16 to 4096; by default 400.
     #[cfg(feature = "gltf")]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=4096))]
     pub size: Option<u32>,

@@ -58,18 +58,18 @@ pub struct Arguments {
     /// The sampler of the field's radiance; by default the GPU, or the CPU if there is no GPU or no support for it.
     #[arg(long, value_enum)]
     pub sampling: Option<Sampling>,
-    /// The number of steps from one palette color to another; by default 3. Palettes of tones have no blends.
+    /// The number of steps from one palette color to another, 1 to 8; by default 3. Palettes of tones have no blends.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=8))]
     blend_steps: Option<u32>,
-    /// The distance over which labels blend, in encoded sRGB, or in tone space for palettes of tones; 0 is a hard
-    /// border. By default that of --look.
+    /// The distance over which labels blend, in encoded sRGB, or in tone space for palettes of tones, 0 to 10; 0 is a
+    /// hard border. By default that of --look.
     #[arg(long, value_parser = |text: &str| parse_number(text, 10.0))]
     softness: Option<f32>,
     /// The opacity below which pixels are drawn as trained.
     #[arg(long, default_value_t = LABEL_OPACITY as f32, value_parser = |text: &str| parse_number(text, 1.0))]
     min_opacity: f32,
-    /// Smooth the silhouettes of the prop with --look paper, too, and with --softness 0 also the borders between its
-    /// labels. The other looks always do. Requires --renderer gpu.
+    /// With --look paper, smooth silhouettes and, if --softness is 0, borders between labels. The other looks are
+    /// always smooth. Requires --renderer gpu.
     #[arg(long)]
     smooth_edges: bool,
     /// Show another color in place of a palette color, given by its index, or of a ramp, given by its name or as
