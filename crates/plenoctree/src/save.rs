@@ -64,6 +64,21 @@ pub fn move_file(from: impl AsRef<Path>, path: impl AsRef<Path>) -> io::Result<(
     Ok(())
 }
 
+/// Removes what this process has not finished writing in a folder: for programs that end while they write, for example
+/// on Ctrl-C. Whatever is still being written fails.
+pub fn remove_unfinished_files(folder: impl AsRef<Path>) {
+    let prefix = temporary_prefix();
+    let is_ours = |entry: &fs::DirEntry| entry.file_name().to_string_lossy().starts_with(&prefix);
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    // There is nobody left to tell.
+    entries.filter(is_ours).for_each(|entry| _ = fs::remove_file(entry.path()));
+}
+
+/// Returns how the names of the temporary files of this process begin.
+fn temporary_prefix() -> String {
+    format!(".plenoctree-{}-", process::id())
+}
+
 /// Returns the path that links at `path` lead to, whether or not there is a file.
 fn followed(path: &Path) -> io::Result<PathBuf> {
     /// As many as Linux follows.
@@ -81,7 +96,7 @@ fn followed(path: &Path) -> io::Result<PathBuf> {
 fn create_beside(target: &Path) -> io::Result<(File, PathBuf)> {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     loop {
-        let name = format!(".plenoctree-{}-{}.tmp", process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+        let name = format!("{}{}.tmp", temporary_prefix(), COUNT.fetch_add(1, Ordering::Relaxed));
         let temporary = target.with_file_name(name);
         match File::create_new(&temporary) {
             Ok(file) => return Ok((file, temporary)),
@@ -167,6 +182,20 @@ mod tests {
             reader.join().unwrap();
         });
         assert_eq!(names(&folder), ["file"]);
+    }
+
+    #[test]
+    fn what_is_unfinished_can_be_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let (old, new) = (folder.path().join("old"), folder.path().join("new"));
+        write(&old, "old").unwrap();
+        fs::write(folder.path().join(".plenoctree-of-others.tmp"), "").unwrap();
+        let ends = replace_file(&new, |_| {
+            remove_unfinished_files(&folder);
+            assert_eq!(names(&folder), [".plenoctree-of-others.tmp", "old"]);
+            Ok::<_, io::Error>(())
+        });
+        assert!(ends.is_err() && names(&folder) == [".plenoctree-of-others.tmp", "old"]);
     }
 
     #[cfg(unix)]

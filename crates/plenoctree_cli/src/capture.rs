@@ -78,5 +78,12 @@ pub fn load(path: &Path, arguments: CaptureArguments, quiet: bool) -> Result<Spl
             path.display()
         );
     }
+    if splats.is_too_far() {
+        console::complain!(
+            "warning: {}: is so far from the origin that positions, in float32, are rounded by more than most Gaussians \
+             are wide; move it to the origin before you export it",
+            path.display()
+        );
+    }
     Ok(splats)
 }

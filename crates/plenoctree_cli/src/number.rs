@@ -11,6 +11,12 @@ pub fn parse_positive(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "expected a number above 0 and below 1000000".into())
 }
 
+/// Parses a distance in a capture, whose coordinates may be as large as a billion.
+pub fn parse_distance(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number| *number > 0.0 && *number < 1e10);
+    number.ok_or_else(|| "expected a number above 0 and below 1e10".into())
+}
+
 /// Returns numbers of the same kind as text: with four decimals, or in scientific notation if the largest has no two
 /// digits then.
 pub fn significant<const N: usize>(numbers: [f64; N]) -> [String; N] {

@@ -12,7 +12,7 @@ use std::{
 use indicatif::ProgressBar;
 use plenoctree_fit::{FitError, FitProgress};
 
-use crate::{console, progress, result::Result};
+use crate::{console, fit::output, progress, result::Result};
 
 /// Steps of the progress bar.
 const STEPS: u64 = 1000;
@@ -32,18 +32,23 @@ pub struct Interruption {
 }
 
 impl Interruption {
-    /// From now on, Ctrl-C ends the program with an error.
-    pub fn new() -> Result<Self> {
+    /// From now on, Ctrl-C ends the program with an error, and leaves nothing unfinished next to the output.
+    pub fn new(out: &Path) -> Result<Self> {
         let interruption = Self::default();
+        let out = out.to_path_buf();
+        let end = move || {
+            output::remove_unfinished(&out);
+            process::exit(INTERRUPTED)
+        };
         let (progress, has_result) = (interruption.progress.clone(), interruption.has_result.clone());
         ctrlc::set_handler(move || {
             if !has_result.load(Ordering::Relaxed) {
                 console::complain!("error: stopped by Ctrl-C before there was a result");
-                process::exit(INTERRUPTED);
+                end();
             }
             // Who asks twice does not want to wait.
             if progress.is_stopped() {
-                process::exit(INTERRUPTED);
+                end();
             }
             progress.stop();
             console::complain!(
@@ -74,6 +79,10 @@ impl Interruption {
         let bar = progress::fit_bar(STEPS);
         let result = progress::watched(&bar, || work(&self.progress), || show(&bar, &self.progress));
         result.map_err(|error| match error {
+            FitError::Stopped => {
+                console::complain!("error: stopped by Ctrl-C before there was a result");
+                process::exit(INTERRUPTED)
+            }
             FitError::Views { .. } | FitError::Empty => format!("{}: {error}", input.display()).into(),
             error => error.into(),
         })

@@ -4,7 +4,7 @@ mod common;
 
 use std::{fs, path::Path, process::Command};
 
-use common::{ball, fail, folder, succeed, text};
+use common::{ball, fail, folder, run, succeed, text};
 use glam::DVec3;
 use plenoctree::{LoadSettings, PlenOctree, camera::PinholeCamera, palette::Palette, reference::render};
 use serde_json::{Value, json};
@@ -168,6 +168,20 @@ fn errors_name_the_file_and_replace_nothing() {
         "0.01",
     ]);
     assert!(message.contains("others/transforms.json: frames[0].file_path: found no file"), "{message}");
+    // Nor are the masks of others.
+    let (masks, names) = (folder.join("masks"), fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()));
+    let pictures: Vec<_> = names.filter(|name| text(Path::new(name)).ends_with(".png")).collect();
+    fs::create_dir(&masks).unwrap();
+    for name in &pictures {
+        fs::copy(folder.join(name), others.join(name)).unwrap();
+        image::GrayImage::from_pixel(32, 32, image::Luma([255])).save(masks.join(name)).unwrap();
+    }
+    let masked = folder.join("masked.npz");
+    let of_test = ["--test", text(&others), "--masks", text(&masks)];
+    let output = run(&[&["fit", text(&folder), "--out", text(&masked), "--effort", "0.01"], &of_test[..]].concat());
+    assert!(output.status.success(), "{output:?}");
+    let warnings = String::from_utf8(output.stderr).unwrap();
+    assert!(warnings.contains("is the mask of") && warnings.contains("without --masks"), "{warnings}");
     // Options for something else are not ignored.
     let model = folder.join("model.gltf");
     if cfg!(feature = "gltf") {

@@ -267,7 +267,28 @@ fn useless_fields_are_written_with_a_warning() {
     assert!(number(&report["voxelized"]["psnr_db"]["white"]) > 20.0, "{report}");
     assert!(number(&report["voxelized"]["shown"]["share"]) < 0.02, "{report}");
     let useful = warning(&capture(&folder));
+    assert!(!useful.contains("hardly looks") && !useful.contains("origin"), "{useful}");
+    // Of a cube as small as this, cells are as small as of any other.
+    let tiny = cubes.split_once("end_header\n").unwrap().1.lines().map(|row| {
+        let numbers: Vec<f64> = row.split(' ').map(|number| number.parse().unwrap()).collect();
+        let scaled = numbers.iter().enumerate().map(|(column, number)| match column {
+            0..3 => number * 1e-8,
+            7..10 => number + f64::ln(1e-8),
+            _ => *number,
+        });
+        scaled.map(|number| number.to_string()).collect::<Vec<_>>().join(" ") + "\n"
+    });
+    let useful = warning(&write_capture(&folder, &tiny.collect::<String>()));
     assert!(!useful.contains("hardly looks"), "{useful}");
+    // Positions of this cube are rounded to multiples of eight.
+    let far = cubes
+        .split_once("end_header\n")
+        .unwrap()
+        .1
+        .lines()
+        .map(|row| format!("1e8{}\n", &row[row.find(' ').unwrap()..]));
+    let lost = warning(&write_capture(&folder, &far.collect::<String>()));
+    assert!(lost.contains("so far from the origin"), "{lost}");
 }
 
 /// Ctrl-C before refining keeps the voxelized field, and before that ends the program with an error.

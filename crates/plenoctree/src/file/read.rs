@@ -17,6 +17,7 @@ use super::npz::{Archive, Array};
 use super::packed::{MAGIC, read_packed};
 use super::quantized::{QUANTIZED, read_quantized};
 use super::walk::Tree;
+use super::write::EXACT_FRAME;
 use crate::{
     field::{Activation, Basis, Frame, PlenOctree, UpAxis},
     sampling::InvalidSetting,
@@ -195,9 +196,24 @@ fn read_frame(archive: &mut Archive<impl Read + Seek>) -> Result<Frame, ReadFaul
     let array = archive.array("offset", "the offset of the cube")?;
     array.check_shape(&[3])?;
     let offset = DVec3::from_array(read_numbers(array)?);
-    let frame = Frame { offset, scale };
+    let frame = exact_frame(archive, Frame { offset, scale })?;
     check_frame(["offset", key], frame)?;
     Ok(frame)
+}
+
+/// Returns the frame of which `rounded` is a rounding, if the archive has it. A tool that knows only float32 may have
+/// moved the field since.
+fn exact_frame(archive: &mut Archive<impl Read + Seek>, rounded: Frame) -> Result<Frame, ReadFault> {
+    if !archive.has(EXACT_FRAME) {
+        return Ok(rounded);
+    }
+    let array = archive.array(EXACT_FRAME, "the exact offset and scale of the cube")?;
+    array.check_shape(&[2, 3])?;
+    let [x, y, z, scales @ ..] = read_numbers::<6>(array)?;
+    let exact = Frame { offset: DVec3::new(x, y, z), scale: DVec3::from_array(scales) };
+    let rounds = |exact: DVec3, rounded: DVec3| exact.as_vec3().as_dvec3() == rounded;
+    let is_same = rounds(exact.offset, rounded.offset) && rounds(exact.scale, rounded.scale);
+    Ok(if is_same { exact } else { rounded })
 }
 
 fn read_tree(archive: &mut Archive<impl Read + Seek>) -> Result<Tree, ReadFault> {

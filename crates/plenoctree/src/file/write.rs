@@ -10,7 +10,10 @@ use npyz::{AutoSerialize, DType, NpyWriter, Serialize, WriteOptions, WriterBuild
 use zip::write::{FileOptions, ZipWriter};
 
 use super::room::TooEven;
-use crate::{field::PlenOctree, save::replace_file};
+use crate::{
+    field::{Frame, PlenOctree},
+    save::replace_file,
+};
 
 /// Size of an array, in bytes, above which its zip entry uses 64-bit sizes. It is less than the 4 GiB of 32-bit sizes
 /// because incompressible content grows a little.
@@ -19,6 +22,10 @@ const LARGE: u64 = 0xf000_0000;
 const DEPTH_LIMIT: i64 = 10;
 /// svox's default `geom_resize_fact`.
 const RESIZE_FACTOR: f64 = 1.5;
+/// The array that holds the offset and the scale of a frame that float32 would move, which only we read and write.
+pub(super) const EXACT_FRAME: &str = "frame_float64";
+/// How far float32 may move a corner of a field, in finest cells.
+const MOST_SHIFT: f64 = 0.01;
 
 /// An error that occurs when writing a field.
 #[derive(Debug, thiserror::Error)]
@@ -47,7 +54,8 @@ impl PlenOctree {
     ///
     /// Reading the file returns the same field except for two roundings. The format stores densities in float16: the
     /// nearest value, but at most 65504 and never 0. It stores the frame in float32. Fields read from ordinary files
-    /// have this precision already.
+    /// have this precision already. Where float32 would move a field, because it is far from the origin, another array
+    /// holds the frame in float64. [`Self::read`] knows it, but svox and volrend do not.
     ///
     /// The file records neither the activation nor the up axis. Set them again in [`LoadSettings`](super::LoadSettings)
     /// when reading it, with a density threshold no higher than the densities.
@@ -66,13 +74,12 @@ impl PlenOctree {
     ///
     /// Returns the same errors as [`Self::write`].
     pub fn write_to(&self, mut writer: impl Write + Seek) -> Result<(), WriteError> {
-        let (scale, offset) = frame_in_float32(self)?;
+        check_float32(self.frame())?;
         let mut archive = Archive::new(BufWriter::new(&mut writer));
         let values = self.basis().coefficients() + 1;
         let nodes = self.nodes().len() as u64;
         archive.structure(self)?;
-        archive.array("invradius3", &[3], scale)?;
-        archive.array("offset", &[3], offset)?;
+        archive.frame(self)?;
         archive.begin("data", f16::default_dtype(), &[nodes, 2, 2, 2, values as u64], |data| self.write_cells(data))?;
         archive.text("data_format", self.basis().name())?;
         archive.finish(2 * 8 * nodes * values as u64)
@@ -134,9 +141,8 @@ pub(crate) fn half_density(density: f32) -> f16 {
     f16::from_f32(density).clamp(f16::MIN_POSITIVE_SUBNORMAL, f16::MAX)
 }
 
-/// Returns the frame's scale and offset in float32.
-pub(crate) fn frame_in_float32(field: &PlenOctree) -> Result<([f32; 3], [f32; 3]), WriteError> {
-    let frame = field.frame();
+/// Returns an error unless a frame fits in float32.
+pub(crate) fn check_float32(frame: Frame) -> Result<(), WriteError> {
     let (scale, offset) = (frame.scale.as_vec3(), frame.offset.as_vec3());
     let fault = |key, exact: DVec3, at: usize| WriteError::Frame { key, found: exact[at] };
     if let Some(at) = (0..3).find(|&at| !scale[at].is_finite() || scale[at] <= 0.0) {
@@ -145,7 +151,15 @@ pub(crate) fn frame_in_float32(field: &PlenOctree) -> Result<([f32; 3], [f32; 3]
     if let Some(at) = (0..3).find(|&at| !offset[at].is_finite()) {
         return Err(fault("offset", frame.offset, at));
     }
-    Ok((scale.to_array(), offset.to_array()))
+    Ok(())
+}
+
+/// Returns whether float32 would move a corner of a field.
+fn moves_in_float32(field: &PlenOctree) -> bool {
+    let exact = field.frame();
+    let rounded = Frame { offset: exact.offset.as_vec3().as_dvec3(), scale: exact.scale.as_vec3().as_dvec3() };
+    let shift = |corner: DVec3| (rounded.to_tree(exact.to_world(corner)) - corner).abs().max_element();
+    shift(DVec3::ZERO).max(shift(DVec3::ONE)) * f64::from(field.depth()).exp2() > MOST_SHIFT
 }
 
 /// An archive being written. After an error, it is not dropped: that would try to finish it, and print another error.
@@ -175,6 +189,17 @@ impl<W: Write + Seek> Archive<W> {
         self.array("n_free", &[], [nodes as i64 - reached])?;
         self.array("depth_limit", &[], [i64::from(field.depth()).max(DEPTH_LIMIT)])?;
         self.array("geom_resize_fact", &[], [RESIZE_FACTOR])
+    }
+
+    /// Adds the frame, which fits in float32.
+    pub fn frame(&mut self, field: &PlenOctree) -> io::Result<()> {
+        let Frame { offset, scale } = field.frame();
+        self.array("invradius3", &[3], scale.as_vec3().to_array())?;
+        self.array("offset", &[3], offset.as_vec3().to_array())?;
+        if moves_in_float32(field) {
+            self.array(EXACT_FRAME, &[2, 3], [offset, scale].map(|numbers| numbers.to_array()).into_iter().flatten())?;
+        }
+        Ok(())
     }
 
     /// Adds a string.

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::{packed::Packed, split::shared};
 use crate::{
     field::PlenOctree,
-    file::{Archive, MAX_ROWS, WriteError, frame_in_float32, half_density},
+    file::{Archive, MAX_ROWS, WriteError, check_float32, half_density},
     save::replace_file,
 };
 
@@ -29,14 +29,13 @@ impl Packed {
 }
 
 fn write_quantized(field: &PlenOctree, mut writer: impl Write + Seek) -> Result<(), WriteError> {
-    let (scale, offset) = frame_in_float32(field)?;
+    check_float32(field.frame())?;
     let mut archive = Archive::new(BufWriter::new(&mut writer));
     let functions = field.basis().functions();
     let nodes = field.nodes().len() as u64;
     let leaves = || field.nodes().as_flattened().iter().map(|cell| cell.as_leaf().map(|leaf| leaf as usize));
     archive.structure(field)?;
-    archive.array("invradius3", &[3], scale)?;
-    archive.array("offset", &[3], offset)?;
+    archive.frame(field)?;
     archive.text("data_format", field.basis().name())?;
     let sigma = leaves().map(|leaf| leaf.map_or(f16::ZERO, |leaf| half_density(field.densities()[leaf])));
     archive.array("sigma", &[nodes, 2, 2, 2], sigma)?;

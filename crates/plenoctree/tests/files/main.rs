@@ -298,6 +298,30 @@ fn frames_beyond_the_format_are_not_written() {
     assert!(matches!(error, WriteError::Frame { key: "offset", .. }), "{error}");
 }
 
+/// Far from the origin, where float32 moves fields by many cells, fields stay where they are, unless a tool that knows only
+/// float32 has moved them since.
+#[test]
+fn fields_far_from_the_origin_stay_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.npz");
+    for far in [1e7, -3e9] {
+        let low = DVec3::new(far, 0.3, -far);
+        let field = one_leaf(1.0, Frame::spanning(low, low + 2.24));
+        assert_eq!(read(&written(&field)).unwrap().frame(), field.frame(), "{far}");
+        let settings = PackSettings { hidden: 0.0, ..Default::default() };
+        Packed::new(&field, &settings, &Progress::default()).unwrap().write_npz(&path).unwrap();
+        let packed = PlenOctree::read(&path, &LoadSettings::default()).unwrap();
+        assert_eq!(packed.frame(), field.frame(), "{far}, packed");
+    }
+    let near = written(&one_leaf(1.0, Frame::spanning(DVec3::splat(-0.9), DVec3::splat(1.3))));
+    assert!(!String::from_utf8_lossy(&near).contains("frame_float64"), "others do not need it");
+    let exact = npy(c("<f8"), &[2, 3], &[0.5, 0.375 + 1e-12, 0.0, 0.5, 0.25, 0.125 - 1e-12]);
+    let file = example(Basis::Sh1).with("frame_float64", exact);
+    assert_eq!(read(&file.stored()).unwrap().frame().offset.y, 0.375 + 1e-12);
+    let moved = file.with("offset", npy(c("<f4"), &[3], &[0.5, 0.25, 0.0]));
+    assert_eq!(read(&moved.stored()).unwrap().frame().offset.y, 0.25);
+}
+
 /// A field of one color, whose tree is full. At the deepest level, only the first `cells` of each node are leaves.
 fn even(depth: u32, cells: usize) -> PlenOctree {
     let last = 1 << (3 * (depth - 1));

@@ -7,7 +7,11 @@ use glam::DVec3;
 use plenoctree_fit::splat::Axis;
 
 use crate::{
-    boxes::parse_box, capture::CaptureArguments, extraction::ExtractionArguments, names::one_of, number::parse_positive,
+    boxes::parse_box,
+    capture::CaptureArguments,
+    extraction::ExtractionArguments,
+    names::one_of,
+    number::{parse_distance, parse_positive},
 };
 
 /// Convert a capture of Gaussian splats to a field, and extract its palette.
@@ -34,7 +38,7 @@ pub struct Arguments {
     pub quality: Option<f64>,
     /// The distance from the middle of the box from which the field must look right, in the capture's units. By
     /// default, it is half the longest side of the box: up close.
-    #[arg(long, value_name = "DISTANCE", value_parser = parse_positive)]
+    #[arg(long, value_name = "DISTANCE", value_parser = parse_distance)]
     pub near: Option<f64>,
     /// The box to convert, in the coordinates of the capture: x,y,z of its lowest and of its highest corner. By
     /// default, it contains most Gaussians.

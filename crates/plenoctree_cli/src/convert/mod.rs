@@ -21,7 +21,7 @@ use self::measure::{Pictures, Standard};
 use crate::{
     capture, console,
     fit::output,
-    number::counted,
+    number::{counted, significant},
     progress,
     result::Result,
     training::{Interruption, use_threads},
@@ -42,7 +42,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let named = |error: &dyn std::error::Error| format!("{}: {error}", path.display());
     output::check(&arguments.out, &[path], &arguments.extraction)?;
     use_threads(arguments.threads)?;
-    let interruption = Interruption::new()?;
+    let interruption = Interruption::new(&arguments.out)?;
     let start = Instant::now();
     let splats = capture::load(path, arguments.reading, false)?;
     let all = splats.len();
@@ -55,11 +55,14 @@ pub fn run(arguments: &Arguments) -> Result {
         up: arguments.stand.then(|| arguments.up.or(splats.up()).unwrap_or_default()),
     };
     let Subject { splats, low, high, turn } = splats.subject(&settings).map_err(|error| named(&error))?;
+    let corner = |corner: DVec3| significant(corner.to_array()).join(", ");
     console::say!(
-        "{}: {}, {} of them in the box from {low:.3} to {high:.3}",
+        "{}: {}, {} of them in the box from [{}] to [{}]",
         path.display(),
         counted(all, "Gaussian", "Gaussians"),
-        splats.len()
+        splats.len(),
+        corner(low),
+        corner(high)
     );
     let reading = start.elapsed();
 
@@ -133,27 +136,29 @@ pub fn run(arguments: &Arguments) -> Result {
             let gains: Vec<String> =
                 rounds.iter().filter_map(|round| Some(format!("{:+.2}", round.gain_db?))).collect();
             console::say!("refined: {}, {after} in {:.0} s", leaves(&better), refining.as_secs_f64());
+            let [whole, between, near] = after.gains(&measured);
+            let is_worse = near < -MOST_LOSS;
+            let kept = if is_worse { 0 } else { kept };
             let all_rounds = counted(rounds.len(), "round", "rounds");
             console::say!("{all_rounds}: {} dB, {kept} kept", gains.join(", "));
-            let [whole, between, near] = after.gains(&measured);
             console::say!(
                 "gained over white: {whole:+.2} dB, from halfway {between:+.2} dB, from nearby {near:+.2} dB"
             );
-            let is_worse = kept == 0 || near < -MOST_LOSS;
-            if is_worse {
+            if kept == 0 {
                 field = before;
-                if kept == 0 && interruption.is_requested() {
-                    console::complain!("warning: stopped before refining paid off: the field is as voxelized");
-                } else {
-                    console::complain!("warning: refining gains nothing: the field is as voxelized");
-                }
+                let reason = match () {
+                    () if is_worse => format!("refining loses {:.2} dB from nearby", -near),
+                    () if interruption.is_requested() => "stopped before refining paid off".into(),
+                    () => "refining gains nothing".into(),
+                };
+                console::complain!("warning: {reason}: the field is as voxelized");
             } else {
                 (field, measured) = (better, after);
             }
             let mut report = measured.json(&field);
             report["before_psnr_db"] = before_psnr_db.into();
             report["rounds"] = serde_json::to_value(&rounds)?;
-            report["kept"] = if is_worse { 0 } else { kept }.into();
+            report["kept"] = kept.into();
             refined = Some(report);
             measuring += start.elapsed();
         }

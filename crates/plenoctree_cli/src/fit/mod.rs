@@ -10,7 +10,7 @@ pub mod output;
 pub use arguments::Arguments;
 
 use std::{
-    collections::BTreeSet,
+    collections::{BTreeSet, HashMap},
     fs,
     path::{Path, PathBuf},
 };
@@ -29,6 +29,26 @@ use crate::{
 /// The least share of the leaves that the largest part has without a warning.
 const LEAST_PART: f64 = 0.05;
 
+/// Reads the views to measure the result on. Their pictures may have the same names as those of `fitted`, but other masks.
+fn read_test(path: &Path, fitted: &FitInput, masks: Option<PathBuf>) -> Result<FitInput> {
+    let unmasked = FitInput::read(path, &InputFolders::default())?;
+    if masks.is_none() {
+        return Ok(unmasked);
+    }
+    let pictures: HashMap<_, _> = fitted.views.iter().map(|view| (&view.mask, &view.picture)).collect();
+    let reason = match FitInput::read(path, &InputFolders { pictures: None, masks }) {
+        Ok(masked) => {
+            let is_of_another = |view: &&View| pictures.get(&view.mask).is_some_and(|other| **other != view.picture);
+            let Some(view) = masked.views.iter().find(is_of_another) else { return Ok(masked) };
+            let mask = view.mask.as_deref().unwrap_or(path);
+            format!("{}: is the mask of {} already", mask.display(), pictures[&view.mask].display())
+        }
+        Err(error) => error.to_string(),
+    };
+    console::complain!("warning: {reason}; the views of {} are compared without --masks", path.display());
+    Ok(unmasked)
+}
+
 /// Fits the field, extracts its palette, and writes both with previews and a report.
 pub fn run(arguments: &Arguments) -> Result {
     capture::refuse(&arguments.input)?;
@@ -36,7 +56,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let inputs: Vec<&Path> = [&arguments.input].into_iter().chain(&arguments.test).map(PathBuf::as_path).collect();
     output::check(&arguments.out, &inputs, &arguments.extraction)?;
     use_threads(arguments.threads)?;
-    let interruption = Interruption::new()?;
+    let interruption = Interruption::new(&arguments.out)?;
     let mut settings = arguments.settings();
     let checkpoint = settings.checkpoint.clone();
     if let Some(checkpoint) = checkpoint.as_ref().filter(|path| settings.resume && !path.exists()) {
@@ -51,9 +71,7 @@ pub fn run(arguments: &Arguments) -> Result {
     };
     let input = FitInput::read(&pictures, &folders)?;
     warn_of_input(&arguments.input, &input);
-    // Pictures of other views may have the same names.
-    let folders = InputFolders { pictures: None, ..folders };
-    let test = arguments.test.as_deref().map(|path| FitInput::read(path, &folders)).transpose()?;
+    let test = arguments.test.as_deref().map(|path| read_test(path, &input, folders.masks)).transpose()?;
     let views = input.views.iter().chain(test.iter().flat_map(|test| &test.views));
     let ignored = input.ignored.iter().chain(test.iter().flat_map(|test| &test.ignored));
     let pictures = views.flat_map(|view| [&view.picture].into_iter().chain(&view.mask)).chain(ignored);

@@ -62,11 +62,16 @@ pub fn write(
     previews: &[Comparison],
     report: &Value,
 ) -> Result<usize> {
-    write_all(out, field, extraction, previews, report).inspect_err(|_| {
-        for target in targets(out) {
-            let _ = fs::remove_file(partial(&target));
-        }
-    })
+    write_all(out, field, extraction, previews, report).inspect_err(|_| remove_unfinished(out))
+}
+
+/// Removes what is not finished of the results.
+pub fn remove_unfinished(out: &Path) {
+    for target in targets(out) {
+        let partial = partial(&target);
+        let _ = fs::remove_file(&partial);
+        plenoctree::remove_unfinished_files(files::folder_of(&partial));
+    }
 }
 
 fn write_all(

@@ -64,7 +64,8 @@ impl Splats {
         let (first, last) = (first.max(low), last.min(high));
         // A box around a single point would be empty.
         let extent = (last - first).max_element();
-        let margin = if extent > 1e-6 { 0.01 * extent } else { 1e-3 };
+        let rounding = f64::from(f32::EPSILON) * first.abs().max(last.abs()).max_element();
+        let margin = if extent > rounding { 0.01 * extent } else { rounding.max(1e-3) };
         Some((first - margin, last + margin))
     }
 

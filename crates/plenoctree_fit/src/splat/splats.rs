@@ -119,6 +119,14 @@ impl Splats {
         self.antialiased = antialiased;
     }
 
+    /// Returns whether most Gaussians are so far from the origin that the digits of float32, which holds positions, are
+    /// farther apart than these are wide. Only a capture that is exported nearer to the origin looks right.
+    pub fn is_too_far(&self) -> bool {
+        let is_lost =
+            |gaussian: &&Gaussian| gaussian.position.abs().max_element() * f32::EPSILON > gaussian.scale.max_element();
+        2 * self.gaussians.iter().filter(is_lost).count() > self.len()
+    }
+
     /// Returns whether the capture is from an SPZ file that does not record its axes, and these had to be assumed
     /// because [`SpzAxes::Unknown`](super::SpzAxes::Unknown) was set. If they are wrong, the capture is upside down.
     pub fn assumes_axes(&self) -> bool {
