@@ -12,7 +12,7 @@ use std::{
 use indicatif::ProgressBar;
 use plenoctree_fit::{FitError, FitProgress};
 
-use crate::{console, fit::output, progress, result::Result};
+use crate::{console, progress, result::Result};
 
 /// Steps of the progress bar.
 const STEPS: u64 = 1000;
@@ -32,12 +32,11 @@ pub struct Interruption {
 }
 
 impl Interruption {
-    /// From now on, Ctrl-C ends the program with an error, and leaves nothing unfinished next to the output.
-    pub fn new(out: &Path) -> Result<Self> {
+    /// From now on, Ctrl-C ends the program with an error, after `clean_up`.
+    pub fn new(clean_up: impl Fn() + Send + 'static) -> Result<Self> {
         let interruption = Self::default();
-        let out = out.to_path_buf();
         let end = move || {
-            output::remove_unfinished(&out);
+            clean_up();
             process::exit(INTERRUPTED)
         };
         let (progress, has_result) = (interruption.progress.clone(), interruption.has_result.clone());

@@ -42,7 +42,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let named = |error: &dyn std::error::Error| format!("{}: {error}", path.display());
     output::check(&arguments.out, &[path], &arguments.extraction)?;
     use_threads(arguments.threads)?;
-    let interruption = Interruption::new(&arguments.out)?;
+    let interruption = Interruption::new(output::cleaning_up(&arguments.out))?;
     let start = Instant::now();
     let splats = capture::load(path, arguments.reading, false)?;
     let all = splats.len();

@@ -56,7 +56,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let inputs: Vec<&Path> = [&arguments.input].into_iter().chain(&arguments.test).map(PathBuf::as_path).collect();
     output::check(&arguments.out, &inputs, &arguments.extraction)?;
     use_threads(arguments.threads)?;
-    let interruption = Interruption::new(&arguments.out)?;
+    let interruption = Interruption::new(output::cleaning_up(&arguments.out))?;
     let mut settings = arguments.settings();
     let checkpoint = settings.checkpoint.clone();
     if let Some(checkpoint) = checkpoint.as_ref().filter(|path| settings.resume && !path.exists()) {

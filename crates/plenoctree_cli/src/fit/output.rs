@@ -65,8 +65,13 @@ pub fn write(
     write_all(out, field, extraction, previews, report).inspect_err(|_| remove_unfinished(out))
 }
 
-/// Removes what is not finished of the results.
-pub fn remove_unfinished(out: &Path) {
+/// Returns a closure that removes what is not finished of the results.
+pub fn cleaning_up(out: &Path) -> impl Fn() + Send + 'static {
+    let out = out.to_path_buf();
+    move || remove_unfinished(&out)
+}
+
+fn remove_unfinished(out: &Path) {
     for target in targets(out) {
         let partial = partial(&target);
         let _ = fs::remove_file(&partial);
