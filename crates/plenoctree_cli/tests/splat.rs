@@ -251,6 +251,9 @@ fn useless_fields_are_written_with_a_warning() {
     let point = |red: f64| format!("0 0 0 {red} -1.4 {} 3.0 -2.6 -2.6 -2.6 1 0 0 0\n", -red);
     let useless = warning(&write_capture(&folder, &(point(1.4) + &point(-1.4).repeat(300))));
     assert!(useless.contains("hardly looks like the capture") && useless.contains("--crop"), "{useless}");
+    // Pictures would take minutes.
+    let piled = warning(&write_capture(&folder, &point(1.4).repeat(30_000)));
+    assert!(piled.contains("one of every"), "{piled}");
     // Of two cubes that are small and far apart, cells are too large to show more than a speck.
     let cubes = fs::read_to_string(capture(&folder)).unwrap();
     let rows = cubes.split_once("end_header\n").unwrap().1.lines();

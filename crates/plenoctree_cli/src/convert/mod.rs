@@ -31,6 +31,8 @@ use crate::{
 const LEAST_PSNR: f64 = 16.0;
 /// The most that refining may lose in whole pictures from nearby, in decibels.
 const MOST_LOSS: f64 = 0.1;
+/// The most Gaussians that rays meet on average, so that pictures take seconds. In usual captures, they meet hundreds at most.
+const MOST_OVERLAP: f64 = 4000.0;
 /// The variance of a cell, in square cells.
 const CELL: f64 = 1.0 / 12.0;
 /// The least and the greatest blur of a field, in finest cells.
@@ -54,7 +56,7 @@ pub fn run(arguments: &Arguments) -> Result {
         keep_largest: arguments.keep_largest,
         up: arguments.stand.then(|| arguments.up.or(splats.up()).unwrap_or_default()),
     };
-    let Subject { splats, low, high, turn } = splats.subject(&settings).map_err(|error| named(&error))?;
+    let Subject { mut splats, low, high, turn } = splats.subject(&settings).map_err(|error| named(&error))?;
     let corner = |corner: DVec3| significant(corner.to_array()).join(", ");
     console::say!(
         "{}: {}, {} of them in the box from [{}] to [{}]",
@@ -64,6 +66,16 @@ pub fn run(arguments: &Arguments) -> Result {
         corner(low),
         corner(high)
     );
+    let overlap = splats.overlap(low, high);
+    let every = (overlap / MOST_OVERLAP).ceil().max(1.0) as usize;
+    if every > 1 {
+        console::complain!(
+            "warning: {}: rays meet about {overlap:.0} Gaussians, of which pictures would take minutes; one of every \
+             {every} is used",
+            path.display()
+        );
+        splats = splats.thinned(every);
+    }
     let reading = start.elapsed();
 
     let start = Instant::now();

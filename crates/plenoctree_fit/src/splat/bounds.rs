@@ -69,6 +69,17 @@ impl Splats {
         Some((first - margin, last + margin))
     }
 
+    /// Returns about how many Gaussians a ray meets on its way through a box, on average.
+    pub fn overlap(&self, low: DVec3, high: DVec3) -> f64 {
+        let size = (high - low).max(DVec3::splat(f64::MIN_POSITIVE));
+        // The parts of the box's width that each is visible in, and of its faces.
+        let faces = visible(self).map(|gaussian| {
+            let [x, y, z] = (2.0 * reach(gaussian) / size).min(DVec3::ONE).to_array();
+            (x * y + y * z + z * x) / 3.0
+        });
+        faces.sum()
+    }
+
     /// Returns the capture without the Gaussians whose centers are outside a box.
     pub fn cropped(&self, low: DVec3, high: DVec3) -> Self {
         self.filtered(|gaussian| is_inside(gaussian.position.as_dvec3(), low, high))

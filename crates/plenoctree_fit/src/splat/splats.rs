@@ -187,12 +187,21 @@ impl Splats {
 
     /// Returns the capture with the Gaussians for which `keep` returns `true`.
     pub fn filtered(&self, keep: impl Fn(&Gaussian) -> bool) -> Self {
-        let mut kept = self.emptied();
-        for (index, gaussian) in self.gaussians.iter().enumerate().filter(|(_, gaussian)| keep(gaussian)) {
-            kept.gaussians.push(*gaussian);
-            kept.coefficients.extend_from_slice(self.coefficients(index));
+        self.picked((0..self.len()).filter(|index| keep(&self.gaussians[*index])))
+    }
+
+    /// Returns the capture with the first of every `n` Gaussians, in the order of the file. All of them if `n` is 0.
+    pub fn thinned(&self, n: usize) -> Self {
+        self.picked((0..self.len()).step_by(n.max(1)))
+    }
+
+    fn picked(&self, indices: impl Iterator<Item = usize>) -> Self {
+        let mut picked = self.emptied();
+        for index in indices {
+            picked.gaussians.push(self.gaussians[index]);
+            picked.coefficients.extend_from_slice(self.coefficients(index));
         }
-        kept
+        picked
     }
 
     /// Returns the transformed capture. Its harmonics turn with it.

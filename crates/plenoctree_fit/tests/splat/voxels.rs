@@ -463,6 +463,29 @@ fn few_gaussians_are_shown() {
     }
 }
 
+/// Rays meet as many Gaussians of a pile as there are, and hardly any of a ball. With one of a few Gaussians, they meet so
+/// much less of a pile, which looks the same but for its rim.
+#[test]
+fn thinned_piles_look_alike() {
+    let mut pile = Splats::new(0);
+    let gaussian = Gaussian { position: Vec3::ONE, scale: Vec3::splat(0.2), rotation: Quat::IDENTITY, opacity: 0.9 };
+    (0..1000).for_each(|_| pile.push(gaussian, &[Vec3::new(1.0, -0.5, 0.2)]));
+    let (low, high) = pile.dense_bounds().unwrap();
+    assert!((900.0..=1000.0).contains(&pile.overlap(low, high)), "{}", pile.overlap(low, high));
+    let thinned = pile.thinned(3);
+    assert_eq!(thinned.len(), 334);
+    assert!((3.0 * thinned.overlap(low, high) / pile.overlap(low, high) - 1.0).abs() < 0.01);
+    let camera = PinholeCamera::new(64, 64, 0.8, glam::DMat4::IDENTITY);
+    let camera = camera.looking_at(DVec3::new(3.0, 0.0, 2.0), DVec3::ONE, DVec3::Y);
+    let [all, few] = [&pile, &thinned].map(|splats| render_splats(splats, &camera).over(DVec3::ONE));
+    let squared: f64 = all.iter().zip(&few).map(|(a, b)| a.distance_squared(*b)).sum();
+    // 30 dB.
+    assert!(squared / (3.0 * 64.0 * 64.0) < 1e-3, "{squared}");
+    let ball = ball(0);
+    let (low, high) = ball.dense_bounds().unwrap();
+    assert!((3.0..60.0).contains(&ball.overlap(low, high)), "{}", ball.overlap(low, high));
+}
+
 /// Haze of small cells is not left out: a wide Gaussian looks the same at every depth.
 #[test]
 fn wide_gaussians_are_whole_at_every_depth() {
