@@ -5,6 +5,15 @@ use glam::DVec3;
 use super::error::ReadFault;
 use crate::field::Frame;
 
+/// The array of an `.npz` file that holds the offset and the scale of a frame that float32 would move, which only we read
+/// and write.
+pub(super) const EXACT_FRAME: &str = "frame_float64";
+
+/// Returns a frame as float32 holds it.
+pub(super) fn in_float32(frame: Frame) -> Frame {
+    Frame { offset: frame.offset.as_vec3().as_dvec3(), scale: frame.scale.as_vec3().as_dvec3() }
+}
+
 /// Returns an error unless a frame is valid, also in float32: files store frames in it, and props are placed in it.
 /// `keys` are what offset and scale are called in errors.
 pub(crate) fn check_frame([offset_key, scale_key]: [&'static str; 2], frame: Frame) -> Result<(), ReadFault> {

@@ -10,14 +10,13 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::error::{ReadError, ReadFault, printable};
-use super::frame::check_frame;
+use super::frame::{EXACT_FRAME, check_frame, in_float32};
 use super::leaves::read_data;
 use super::npy::{REALS, Real, WHOLES, Whole, with_real, with_whole};
 use super::npz::{Archive, Array};
 use super::packed::{MAGIC, read_packed};
 use super::quantized::{QUANTIZED, read_quantized};
 use super::walk::Tree;
-use super::write::EXACT_FRAME;
 use crate::{
     field::{Activation, Basis, Frame, PlenOctree, UpAxis},
     sampling::InvalidSetting,
@@ -211,9 +210,7 @@ fn exact_frame(archive: &mut Archive<impl Read + Seek>, rounded: Frame) -> Resul
     array.check_shape(&[2, 3])?;
     let [x, y, z, scales @ ..] = read_numbers::<6>(array)?;
     let exact = Frame { offset: DVec3::new(x, y, z), scale: DVec3::from_array(scales) };
-    let rounds = |exact: DVec3, rounded: DVec3| exact.as_vec3().as_dvec3() == rounded;
-    let is_same = rounds(exact.offset, rounded.offset) && rounds(exact.scale, rounded.scale);
-    Ok(if is_same { exact } else { rounded })
+    Ok(if in_float32(exact) == rounded { exact } else { rounded })
 }
 
 fn read_tree(archive: &mut Archive<impl Read + Seek>) -> Result<Tree, ReadFault> {

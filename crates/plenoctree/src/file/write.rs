@@ -9,7 +9,10 @@ use half::f16;
 use npyz::{AutoSerialize, DType, NpyWriter, Serialize, WriteOptions, WriterBuilder};
 use zip::write::{FileOptions, ZipWriter};
 
-use super::room::TooEven;
+use super::{
+    frame::{EXACT_FRAME, in_float32},
+    room::TooEven,
+};
 use crate::{
     field::{Frame, PlenOctree},
     save::replace_file,
@@ -22,8 +25,6 @@ const LARGE: u64 = 0xf000_0000;
 const DEPTH_LIMIT: i64 = 10;
 /// svox's default `geom_resize_fact`.
 const RESIZE_FACTOR: f64 = 1.5;
-/// The array that holds the offset and the scale of a frame that float32 would move, which only we read and write.
-pub(super) const EXACT_FRAME: &str = "frame_float64";
 /// How far float32 may move a corner of a field, in finest cells.
 const MOST_SHIFT: f64 = 0.01;
 
@@ -157,8 +158,7 @@ pub(crate) fn check_float32(frame: Frame) -> Result<(), WriteError> {
 /// Returns whether float32 would move a corner of a field.
 fn moves_in_float32(field: &PlenOctree) -> bool {
     let exact = field.frame();
-    let rounded = Frame { offset: exact.offset.as_vec3().as_dvec3(), scale: exact.scale.as_vec3().as_dvec3() };
-    let shift = |corner: DVec3| (rounded.to_tree(exact.to_world(corner)) - corner).abs().max_element();
+    let shift = |corner: DVec3| (in_float32(exact).to_tree(exact.to_world(corner)) - corner).abs().max_element();
     shift(DVec3::ZERO).max(shift(DVec3::ONE)) * f64::from(field.depth()).exp2() > MOST_SHIFT
 }
 

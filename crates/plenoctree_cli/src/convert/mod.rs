@@ -31,7 +31,8 @@ use crate::{
 const LEAST_PSNR: f64 = 16.0;
 /// The most that refining may lose in whole pictures from nearby, in decibels.
 const MOST_LOSS: f64 = 0.1;
-/// The most Gaussians that rays meet on average, so that pictures take seconds. In usual captures, they meet hundreds at most.
+/// The most Gaussians that rays meet on average, so that pictures take seconds. In usual captures, they meet hundreds at
+/// most.
 const MOST_OVERLAP: f64 = 4000.0;
 /// The variance of a cell, in square cells.
 const CELL: f64 = 1.0 / 12.0;
