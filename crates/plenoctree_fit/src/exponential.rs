@@ -19,7 +19,19 @@ pub fn rounded(x: f32) -> (u32, f32) {
 /// Returns `e^-x` for x >= 0, with a relative error below 1e-5, and below 1e-6 for x < 4. It is at most 1.
 #[inline(always)]
 pub fn exp_minus(x: f32) -> f32 {
-    let (whole, rest) = rounded(x.min(80.0) * -std::f32::consts::LOG2_E);
+    power_of_two(x.min(80.0) * -std::f32::consts::LOG2_E)
+}
+
+/// Returns `e^x` for x between -80 and 80, as accurately.
+#[cfg(feature = "splat")]
+#[inline(always)]
+pub fn exp(x: f32) -> f32 {
+    power_of_two(x.clamp(-80.0, 80.0) * std::f32::consts::LOG2_E)
+}
+
+#[inline(always)]
+fn power_of_two(x: f32) -> f32 {
+    let (whole, rest) = rounded(x);
     let power = POWER_OF_TWO.iter().fold(0.0, |sum, k| sum * rest + k);
     // Adds the whole number to the exponent.
     f32::from_bits(power.to_bits().wrapping_add(whole << 23))
@@ -47,6 +59,17 @@ mod tests {
             assert!((f64::from(exp_minus(x)) / exact - 1.0).abs() < 8e-6, "{x}: {}", exp_minus(x));
         }
         assert!(exp_minus(1e30) < 1e-30);
+    }
+
+    #[cfg(feature = "splat")]
+    #[test]
+    fn exponentials_of_either_sign_are_accurate() {
+        for step in -80_000..80_000 {
+            let x = step as f32 * 1e-3;
+            let exact = f64::from(x).exp();
+            assert!((f64::from(exp(x)) / exact - 1.0).abs() < 8e-6, "{x}: {}", exp(x));
+        }
+        assert!(exp(-1e30) < 1e-30 && exp(1e30) > 1e30);
     }
 
     #[cfg(feature = "fit")]

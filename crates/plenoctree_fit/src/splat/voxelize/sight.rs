@@ -26,9 +26,7 @@ pub fn look(cells: &Cells, side: u32) -> Vec<Sight> {
     let directions: Vec<DVec3> = spiral(DIRECTIONS, [1.0, -1.0]).collect();
     let mut sights = vec![Sight::default(); cells.len()];
     for axis in 0..3 {
-        let mut squares: Vec<Square> =
-            (0..cells.len()).into_par_iter().map(|cell| Square::new(cells, cell, axis)).collect();
-        squares.par_sort_by_key(|square| square.middle);
+        let squares = in_slices((0..cells.len()).into_par_iter().map(|cell| Square::new(cells, cell, axis)).collect());
         let along: Vec<DVec3> = directions.iter().copied().filter(|to| to.abs().max_position() == axis).collect();
         let mut found: Vec<Sight> = squares.par_iter().map(|square| sights[square.cell as usize]).collect();
         // One direction per core at a time: the results of each take as much memory as the cells.
@@ -47,7 +45,23 @@ pub fn look(cells: &Cells, side: u32) -> Vec<Sight> {
     sights
 }
 
+/// Puts squares in the order of their slices.
+fn in_slices(squares: Vec<Square>) -> Vec<Square> {
+    let slices = squares.iter().map(|square| usize::from(square.middle) + 1).max().unwrap_or_default();
+    let mut next = vec![0; slices + 1];
+    squares.iter().for_each(|square| next[usize::from(square.middle) + 1] += 1);
+    (0..slices).for_each(|slice| next[slice + 1] += next[slice]);
+    let mut order = vec![0; squares.len()];
+    for (index, square) in squares.iter().enumerate() {
+        let next = &mut next[usize::from(square.middle)];
+        order[*next] = index as u32;
+        *next += 1;
+    }
+    order.into_par_iter().map(|index| squares[index as usize]).collect()
+}
+
 /// A cell as rays along an axis cross it.
+#[derive(Clone, Copy)]
 struct Square {
     /// Its index.
     cell: u32,
@@ -92,15 +106,12 @@ fn look_along(direction: DVec3, axis: usize, squares: &[Square], side: u32) -> V
         let (left, top) = (usize::from(square.left) + right, usize::from(square.top) + down);
         let size = usize::from(square.size);
         let passes = exp_minus(square.thickness * length);
-        let (mut squares, mut most) = (0.0f32, 0.0f32);
-        for row in top..top + size {
-            for ray in &mut through[row * width + left..][..size] {
-                squares += *ray * *ray;
-                most = most.max(*ray);
-                *ray *= passes;
-            }
-        }
-        *seen = [squares / (size * size) as f32, most];
+        let rays = &mut through[top * width + left..];
+        *seen = match size {
+            1 => cross_rows::<1>(rays, width, size, passes),
+            2 => cross_rows::<2>(rays, width, size, passes),
+            _ => cross_rows::<4>(rays, width, size, passes),
+        };
     };
     let both = squares.iter().zip(&mut seen);
     if direction[axis] > 0.0 {
@@ -109,6 +120,22 @@ fn look_along(direction: DVec3, axis: usize, squares: &[Square], side: u32) -> V
         both.rev().for_each(&mut cross);
     }
     seen
+}
+
+/// Dims the rays of a cell, rows of `size` rays that are `width` apart, by what passes through it. Returns the mean
+/// square and the largest of what they were, computed in `LANES` parts.
+fn cross_rows<const LANES: usize>(rays: &mut [f32], width: usize, size: usize, passes: f32) -> [f32; 2] {
+    let (mut squares, mut most) = ([0.0f32; LANES], [0.0f32; LANES]);
+    for row in 0..size {
+        for rays in rays[row * width..][..size].as_chunks_mut::<LANES>().0 {
+            for lane in 0..LANES {
+                squares[lane] += rays[lane] * rays[lane];
+                most[lane] = if rays[lane] > most[lane] { rays[lane] } else { most[lane] };
+                rays[lane] *= passes;
+            }
+        }
+    }
+    [squares.iter().sum::<f32>() / (size * size) as f32, most.into_iter().fold(0.0, f32::max)]
 }
 
 #[cfg(test)]
