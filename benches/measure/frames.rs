@@ -15,7 +15,7 @@ use plenoctree::camera::PinholeCamera;
 
 use crate::{
     PATIENCE, Result, SIZES,
-    clock::{Times, milliseconds},
+    clock::{Times, WARM_UP, milliseconds},
     common::sway,
     files, name,
     rays::Rays,
@@ -61,7 +61,7 @@ pub fn measure(end: Instant) -> Result {
                 left -= 1;
                 show(&mut headless, camera, &fields, scene, size, is_posterized.then(Posterize::default))?;
                 headless.wait_until_ready(PATIENCE)?;
-                let times = Times::measure(&mut headless, now + share)?;
+                let times = Times::measure(&mut headless, WARM_UP, now + share)?;
                 last = now.elapsed();
                 let [gpu, rays, posterizing] =
                     [times.gpu(), times.of(VOLUME_SPANS), times.of(POSTERIZE_SPANS)].map(milliseconds);
@@ -100,7 +100,7 @@ pub fn passes(end: Instant) -> Result {
             let now = Instant::now();
             let share = end.saturating_duration_since(now) / left;
             left -= 1;
-            passes.add(name.into(), &Times::measure(&mut headless, now + share)?);
+            passes.add(name.into(), &Times::measure(&mut headless, WARM_UP, now + share)?);
         }
         passes.print(size);
     }

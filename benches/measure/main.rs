@@ -81,7 +81,7 @@ fn main() -> Result {
         (1.5, sampling::measure),
         (2.0, |_| arrival::measure()),
         (3.0, frames::passes),
-        (5.5, presets::measure),
+        (5.0, presets::measure),
         (6.0, shadows::measure),
         (9.5, frames::measure),
     ];

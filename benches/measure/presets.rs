@@ -7,7 +7,7 @@ use bevy_plenoctree::{POSTERIZE_SPANS, Posterize, PropQuality, VOLUME_SPANS};
 
 use crate::{
     PATIENCE, Result, SIZES,
-    clock::{Times, milliseconds},
+    clock::{COME_TO_REST, Times, WARM_UP, milliseconds},
     files,
     frames::{LOOKS, Scene, Sways, begin, show},
 };
@@ -41,20 +41,23 @@ pub fn measure(end: Instant) -> Result {
     for ((props, scene, size), (preset, quality, sways)) in rows {
         headless.resize(size);
         for (look, is_posterized) in LOOKS {
-            let share = end.saturating_duration_since(Instant::now()) / left;
-            let row_end = Instant::now() + share;
+            let row = format!("| {props} | {preset} | {} x {} | {look}", size.x, size.y);
+            let now = Instant::now();
+            let share = end.saturating_duration_since(now) / left;
             left -= 1;
+            if share.is_zero() {
+                println!("{row} | not measured: the time was up | | | | |");
+                continue;
+            }
             headless.app.insert_resource(Sways(sways));
             headless.app.world_mut().entity_mut(camera).insert(quality);
             show(&mut headless, camera, &fields, scene, size, is_posterized.then(Posterize::default))?;
             headless.wait_until_ready(PATIENCE)?;
-            let times = Times::measure(&mut headless, row_end)?;
+            let warm_up = if sways { WARM_UP } else { COME_TO_REST };
+            let times = Times::measure(&mut headless, warm_up, now + share)?;
             let [gpu, rays, posterizing] =
                 [times.gpu(), times.of(VOLUME_SPANS), times.of(POSTERIZE_SPANS)].map(milliseconds);
-            println!(
-                "| {props} | {preset} | {} x {} | {look} | {:.1} | {gpu} | {rays} | {posterizing} | {} |",
-                size.x, size.y, times.wall, times.frames
-            );
+            println!("{row} | {:.1} | {gpu} | {rays} | {posterizing} | {} |", times.wall, times.frames);
         }
     }
     println!();

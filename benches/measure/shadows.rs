@@ -12,7 +12,7 @@ use plenoctree::camera::PinholeCamera;
 
 use crate::{
     PATIENCE, Result, SIZES,
-    clock::{Times, milliseconds},
+    clock::{Times, WARM_UP, milliseconds},
     files,
 };
 
@@ -75,7 +75,7 @@ pub fn measure(end: Instant) -> Result {
                 _ => _ = prop.insert(PropLighting::toon(2.0)),
             }
             headless.wait_until_ready(PATIENCE)?;
-            let times = Times::measure(&mut headless, now + share)?;
+            let times = Times::measure(&mut headless, WARM_UP, now + share)?;
             let spans = [VOLUME_SPANS, POSTERIZE_SPANS].concat();
             let [gpu, shadows, lights, drawing] =
                 [times.gpu(), times.of(SHADOW_SPANS), times.of(LIGHTING_SPANS), times.of(&spans)].map(milliseconds);
