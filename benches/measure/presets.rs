@@ -43,12 +43,12 @@ pub fn measure(end: Instant) -> Result {
         for (look, is_posterized) in LOOKS {
             let row = format!("| {props} | {preset} | {} x {} | {look}", size.x, size.y);
             let now = Instant::now();
-            let share = end.saturating_duration_since(now) / left;
-            left -= 1;
-            if share.is_zero() {
+            if now > end {
                 println!("{row} | not measured: the time was up | | | | |");
                 continue;
             }
+            let share = end.duration_since(now) / left;
+            left -= 1;
             headless.app.insert_resource(Sways(sways));
             headless.app.world_mut().entity_mut(camera).insert(quality);
             show(&mut headless, camera, &fields, scene, size, is_posterized.then(Posterize::default))?;
