@@ -232,68 +232,110 @@ fn without(color: Color, rays: u32) -> Color {
 }
 #endif
 
-@fragment
-fn fragment(in: Varying) {
+// A pixel at an edge, and the prop through which its rays are cast.
+struct Listed {
+    pixel: vec2<i32>,
+    // The result of the outline pass.
+    owners: vec2<u32>,
+    prop: u32,
+    // Whether the prop owns the pixel.
+    is_own: bool,
+    // Whether there is such a pixel at all.
+    is_here: bool,
+}
+
+// Returns the pixel that is drawn at a place of a batch.
+fn listed_at(in: Varying) -> Listed {
     let place = vec2<u32>(in.position.xy);
     let batch = batch_of(place, list_of(in.prop, #{PART}u));
     let element = place_of_element(batch, index_in_batch(place % BATCH));
     if element == NO_ELEMENT {
-        return;
+        return Listed(vec2(0), vec2(0u), 0u, false, false);
     }
-    let listed_pixel = place / BATCH * BATCH + vec2(element % BATCH, element / BATCH);
-    let pixel = vec2<i32>(listed_pixel);
+    let pixel = vec2<i32>(place / BATCH * BATCH + vec2(element % BATCH, element / BATCH));
     let owners = textureLoad(outline, pixel, 0).xy;
 #ifdef OF_OWNERS
     let is_own = true;
 #else
     let is_own = owners.y == 0u;
 #endif
-    let index = select(owners.y, owners.x, is_own) - 1u;
+    let prop = select(owners.y, owners.x, is_own) - 1u;
     // Several fields may share a list.
-    if props[index].field != props[in.prop].field {
-        return;
-    }
-    let center = vec2<f32>(pixel) + 0.5;
-#ifdef OF_OTHERS
-    let places = textureLoad(own_places, pixel, 0);
-    let has_places = all(owners > vec2(0u));
-#endif
+    return Listed(pixel, owners, prop, is_own, props[prop].field == props[in.prop].field);
+}
 
-    // What is seen at the center of the pixel, if that is another prop.
-    let own = owner_of(textureLoad(owner, pixel, 0));
-    let solid = textureLoad(depth, pixel, 0);
-    let hides = !is_own && is_solid(solid);
-    var solid_slope = vec2(0.0);
+// What is seen at the center of a pixel, if that is another prop than the one of the rays.
+struct Center {
+    // Its depth, and how that changes from pixel to pixel.
+    solid: f32,
+    slope: vec2<f32>,
+    base: f32,
+    // Whether it hides what is behind it, and whether it is drawn before the prop of the rays.
+    hides: bool,
+    is_before: bool,
+}
+
+fn center_of(listed: Listed) -> Center {
+    let own = owner_of(textureLoad(owner, listed.pixel, 0));
+    let solid = textureLoad(depth, listed.pixel, 0);
+    let hides = !listed.is_own && is_solid(solid);
+    var slope = vec2(0.0);
     if hides {
-        solid_slope = prop_slope(pixel, own, solid);
+        slope = prop_slope(listed.pixel, own, solid);
     }
-    let is_before_own = own < index + 1u;
-    let base = base_depth(solid, own);
-#ifdef MULTISAMPLED
-    var limits: array<f32, #{SAMPLES}>;
-    var farthest = 1.0;
-    for (var s = 0u; s < #{SAMPLES}u; s++) {
-        limits[s] = scene_depth_at(vec2<u32>(pixel), s);
-        farthest = min(farthest, limits[s]);
-    }
-#else
-    let scene = depth_within(pixel);
-    let across = scene_slope(pixel, scene);
-#endif
+    return Center(solid, slope, base_depth(solid, own), hides, own < listed.prop + 1u);
+}
 
-    let prop = props[index];
-    let begins = start(pixel, index, prop);
-    // Within a pixel, the direction hardly changes.
-    var h = harmonics(ray_at(prop, center).unit);
-    var first = Color(0u, vec4(0.0));
-    var second = Color(0u, vec4(0.0));
-    var thin = vec4(0.0);
-    let has_two_colors = is_own && owners.y == 0u;
-    var hidden = 0u;
-    var before = 0u;
-    let share = 1.0 / f32(view.edge_rays);
+// The depth of the scene within a pixel.
+struct Scene {
+#ifdef MULTISAMPLED
+    samples: array<f32, #{SAMPLES}>,
+    farthest: f32,
+#else
+    depth: f32,
+    slope: vec2<f32>,
+#endif
+}
+
+fn scene_at(pixel: vec2<i32>) -> Scene {
+#ifdef MULTISAMPLED
+    var scene = Scene();
+    scene.farthest = 1.0;
+    for (var s = 0u; s < #{SAMPLES}u; s++) {
+        scene.samples[s] = scene_depth_at(vec2<u32>(pixel), s);
+        scene.farthest = min(scene.farthest, scene.samples[s]);
+    }
+    return scene;
+#else
+    let depth = depth_within(pixel);
+    return Scene(depth, scene_slope(pixel, depth));
+#endif
+}
+
+// What the rays of a pixel see.
+struct Cast {
+    first: Color,
+    second: Color,
+    // The same sum of the rays that are not covered.
+    thin: vec4<f32>,
+    // The rays that something else hides, and those where the prop is before what is seen at the center.
+    hidden: u32,
+    before: u32,
 #ifdef OF_OWNERS
-    var places = vec4(0u);
+    places: vec4<u32>,
+#endif
+}
+
+fn cast_rays(listed: Listed, center: Center, scene: Scene, prop: Prop, begins: f32, h: ptr<function, Harmonics>) -> Cast {
+    var seen = Cast();
+    let has_two_colors = listed.is_own && listed.owners.y == 0u;
+    let share = 1.0 / f32(view.edge_rays);
+#ifdef MULTISAMPLED
+    var scene_samples = scene.samples;
+#endif
+#ifdef OF_OTHERS
+    let places = textureLoad(own_places, listed.pixel, 0);
+    let has_places = all(listed.owners > vec2(0u));
 #endif
     for (var ray = 0u; ray < view.edge_rays; ray++) {
         var bits = 1u << ray;
@@ -304,85 +346,110 @@ fn fragment(in: Varying) {
             offset = offset_of_four(ray);
         }
 #ifdef MULTISAMPLED
-        let limit = limits[sample_of(ray, #{SAMPLES}u)];
+        let limit = scene_samples[sample_of(ray, #{SAMPLES}u)];
         // To tell hidden parts from missing ones, march as far as anything is seen.
-        let last = farthest;
+        let last = scene.farthest;
 #else
-        let limit = max(scene + dot(across, offset), 0.0);
+        let limit = max(scene.depth + dot(scene.slope, offset), 0.0);
         let last = limit;
 #endif
-        let found = look(prop, center + offset, begins, last, &h);
+        let found = look(prop, vec2<f32>(listed.pixel) + 0.5 + offset, begins, last, h);
         let distance = found.distance;
         let is_covered = found.is_covered && distance < distance_from_depth(limit);
 #ifdef OF_OWNERS
-        places |= packed(ray, select(0.0, place_of(distance, base), is_covered));
+        seen.places |= packed(ray, select(0.0, place_of(distance, center.base), is_covered));
 #endif
-        var own_distance = distance_from_depth(max(solid + dot(solid_slope, offset), 0.0));
-        var knows_distance = hides;
+        var own_distance = distance_from_depth(max(center.solid + dot(center.slope, offset), 0.0));
+        var knows_distance = center.hides;
 #ifdef OF_OTHERS
-        own_distance = select(own_distance, distance_of(unpacked(ray, places), base), has_places);
-        knows_distance = hides || has_places;
+        own_distance = select(own_distance, distance_of(unpacked(ray, places), center.base), has_places);
+        knows_distance = center.hides || has_places;
 #endif
-        let is_of_second = has_two_colors && is_second(first, second, found.color);
+        let is_before = select(center.is_before, distance < own_distance, knows_distance);
+        let is_of_second = has_two_colors && is_second(seen.first, seen.second, found.color);
         let color = select(vec4(0.0), found.color * share, is_covered);
-        first.sum += select(color, vec4(0.0), is_of_second);
-        second.sum += select(vec4(0.0), color, is_of_second);
-        first.bits |= select(0u, bits, is_covered && !is_of_second);
-        second.bits |= select(0u, bits, is_covered && is_of_second);
-        thin += select(found.color * share, vec4(0.0), found.is_covered);
-        hidden |= select(0u, bits, found.is_covered && !is_covered);
-        before |= select(0u, bits, is_covered && select(is_before_own, distance < own_distance, knows_distance));
+        seen.first.sum += select(color, vec4(0.0), is_of_second);
+        seen.second.sum += select(vec4(0.0), color, is_of_second);
+        seen.first.bits |= select(0u, bits, is_covered && !is_of_second);
+        seen.second.bits |= select(0u, bits, is_covered && is_of_second);
+        seen.thin += select(found.color * share, vec4(0.0), found.is_covered);
+        seen.hidden |= select(0u, bits, found.is_covered && !is_covered);
+        seen.before |= select(0u, bits, is_covered && is_before);
     }
+    return seen;
+}
 
-    var kept = 0u;
 #ifdef MULTISAMPLED
+// Takes away the samples of the scene where something else is in front of the prop, and returns their bits.
+fn keep_samples(seen: ptr<function, Cast>) -> u32 {
+    var kept = 0u;
     for (var s = 0u; s < #{SAMPLES}u; s++) {
         let rays = rays_of(s, #{SAMPLES}u);
-        if countOneBits(hidden & rays) > countOneBits((first.bits | second.bits) & rays) {
+        if countOneBits((*seen).hidden & rays) > countOneBits(((*seen).first.bits | (*seen).second.bits) & rays) {
             kept |= 1u << s;
             // Some of the rays may see the prop past what hides it.
-            first = without(first, rays);
-            second = without(second, rays);
-            before &= ~rays;
+            (*seen).first = without((*seen).first, rays);
+            (*seen).second = without((*seen).second, rays);
+            (*seen).before &= ~rays;
         }
     }
+    return kept;
+}
 #endif
-    let covered = first.bits | second.bits;
-    var bits = vec4(first.bits, 0u, second.bits, kept);
-    if !is_own {
-        bits = vec4(0u, before, covered, select(kept, 0u, owners.x > 0u));
+
+@fragment
+fn fragment(in: Varying) {
+    let listed = listed_at(in);
+    if !listed.is_here {
+        return;
     }
-    var own_color = first.sum;
-    if !is_own {
-        own_color = vec4(0.0);
-        if owners.x == 0u {
+    let pixel = listed.pixel;
+    let center = center_of(listed);
+    let scene = scene_at(pixel);
+    let prop = props[listed.prop];
+    let begins = start(pixel, listed.prop, prop);
+    let middle = vec2<f32>(pixel) + 0.5;
+    // Within a pixel, the direction hardly changes.
+    var h = harmonics(ray_at(prop, middle).unit);
+    var seen = cast_rays(listed, center, scene, prop, begins, &h);
+    var kept = 0u;
 #ifdef MULTISAMPLED
-            let limit = limits[0];
-#else
-            let limit = scene;
+    kept = keep_samples(&seen);
 #endif
-            let middle = look(prop, center, begins, limit, &h);
-            let others = RAYS - countOneBits(covered | hidden);
-            if !middle.is_covered && others > 0u && !hides {
-                // As the layer shows it.
-                let rays = premultiplied_tinted(thin * f32(RAYS) / f32(others), prop.tint);
-                own_color = thinned(premultiplied_tinted(middle.color, prop.tint), rays);
-            }
+    let covered = seen.first.bits | seen.second.bits;
+    var bits = vec4(seen.first.bits, 0u, seen.second.bits, kept);
+    var own_color = seen.first.sum;
+    if !listed.is_own {
+        bits = vec4(0u, seen.before, covered, select(kept, 0u, listed.owners.x > 0u));
+        own_color = vec4(0.0);
+    }
+    if !listed.is_own && listed.owners.x == 0u {
+#ifdef MULTISAMPLED
+        let limit = scene.samples[0];
+#else
+        let limit = scene.depth;
+#endif
+        let at_center = look(prop, middle, begins, limit, &h);
+        let others = RAYS - countOneBits(covered | seen.hidden);
+        if !at_center.is_covered && others > 0u && !center.hides {
+            // As the layer shows it.
+            let rays = premultiplied_tinted(seen.thin * f32(RAYS) / f32(others), prop.tint);
+            own_color = thinned(premultiplied_tinted(at_center.color, prop.tint), rays);
         }
     }
-    let at = word_at(listed_pixel, view.size.x);
+    let at = word_at(vec2<u32>(pixel), view.size.x);
 #ifdef OF_OTHERS
     // What the owner covers is known.
-    coverage[at] = word_of(bits) | select(0u, coverage[at], has_places);
+    coverage[at] = word_of(bits) | select(0u, coverage[at], all(listed.owners > vec2(0u)));
 #else
     coverage[at] = word_of(bits);
 #endif
-    if is_own || owners.x == 0u {
+    if listed.is_own || listed.owners.x == 0u {
         textureStore(own_rays, pixel, to_half(own_color));
     }
 #ifdef OF_OWNERS
-    textureStore(own_places, pixel, places);
+    textureStore(own_places, pixel, seen.places);
 #else
-    textureStore(other_rays, pixel, to_half(select(first.sum, second.sum, is_own)));
+    textureStore(other_rays, pixel, to_half(select(seen.first.sum, seen.second.sum, listed.is_own)));
 #endif
 }

@@ -61,10 +61,18 @@ fn beyond(value: f32, gradient: vec2<f32>) -> f32 {
     return clamp(select(corner, across, 2.0 * value <= steep - flat), 0.0, 0.5);
 }
 
-// Returns the color of a pixel at a border, in encoded sRGB. `own` is its texel of `labels`, and `light` the light
-// in which it is seen.
-fn bordered(pixel: vec2<i32>, own: vec2<u32>, prop: u32, light: Light) -> vec3<f32> {
+// The labels around a pixel.
+struct Around {
     // At most four labels meet in a pixel: its own, and the first others among its neighbors.
+    candidates: vec4<u32>,
+    is_island: vec4<bool>,
+    // Whether it is nowhere wider than a pixel.
+    is_line: vec4<bool>,
+    // Another label farther away.
+    farther: u32,
+}
+
+fn labels_around(pixel: vec2<i32>, own: vec2<u32>) -> Around {
     var candidates = vec4(own.x, vec3(NO_LABEL));
     var count = 1u;
     for (var i = 0; i < 9; i++) {
@@ -73,7 +81,7 @@ fn bordered(pixel: vec2<i32>, own: vec2<u32>, prop: u32, light: Light) -> vec3<f
         candidates = select(candidates, vec4(there), vec4(is_new) & (vec4(0u, 1u, 2u, 3u) == vec4(count)));
         count += select(0u, 1u, is_new);
     }
-    // The pixels of each, a bit for each, and another label farther away.
+    // The pixels of each, a bit for each.
     var pixels = vec4(0u);
     var farther = NO_LABEL;
     for (var i = 0u; i < u32(AROUND * AROUND); i++) {
@@ -82,17 +90,21 @@ fn bordered(pixel: vec2<i32>, own: vec2<u32>, prop: u32, light: Light) -> vec3<f
         pixels |= select(vec4(0u), vec4(1u << i), is_candidate);
         farther = select(farther, there, there != NO_LABEL && !any(is_candidate));
     }
-    let is_label = candidates != vec4(NO_LABEL);
-    let is_island = countOneBits(pixels) < vec4(LEAST_PIXELS);
     // Lines do not fill any square of 2 x 2 pixels.
     let squares = pixels & (pixels >> vec4(1u)) & (pixels >> vec4(5u)) & (pixels >> vec4(6u)) & vec4(NOT_LAST);
-    let is_line = squares == vec4(0u);
+    return Around(candidates, countOneBits(pixels) < vec4(LEAST_PIXELS), squares == vec4(0u), farther);
+}
 
-    // The color of the pixel, and its gradient from a quadratic B-spline of the colors around it. Likewise, how much each
-    // candidate is the label there, which counts only while labels are kept from frame to frame.
-    let here = placed(prop, unpack(textureLoad(filtered, pixel, 0)));
-    var place: array<vec3<f32>, 3>;
-    var support: array<vec4<f32>, 3>;
+// The color of a pixel where it is compared with labels, its change to the right and its change down, from a quadratic
+// B-spline of the pixels around it. Likewise, how much each candidate is the label there.
+struct Spline {
+    place: array<vec3<f32>, 3>,
+    support: array<vec4<f32>, 3>,
+}
+
+// `here` is the color of the pixel alone.
+fn spline_around(pixel: vec2<i32>, own: vec2<u32>, prop: u32, here: vec3<f32>, candidates: vec4<u32>) -> Spline {
+    var spline = Spline();
     for (var i = 0; i < 9; i++) {
         let offset = vec2(i % 3 - 1, i / 3 - 1);
         let there = label_of(pixel + offset, own.y);
@@ -103,56 +115,84 @@ fn bordered(pixel: vec2<i32>, own: vec2<u32>, prop: u32, light: Light) -> vec3<f
         let value = select(here, seen, there != NO_LABEL);
         let is_there = select(vec4(0.0), vec4(1.0), vec4(there) == candidates);
         for (var k = 0; k < 3; k++) {
-            place[k] += weights[k] * value;
-            support[k] += weights[k] * is_there;
+            spline.place[k] += weights[k] * value;
+            spline.support[k] += weights[k] * is_there;
         }
     }
-    let steadiness = select(0.0, labelings[prop].steadiness, labelings[prop].former.owner > 0u);
-    var places: array<vec3<f32>, 5>;
+    return spline;
+}
+
+// Returns which candidates are seams. Where one material borders on another, colors in between can be nearest to a label
+// of a third, which would draw a line. Those of the same two materials smooth the border. `places` are those of the
+// candidates and of the label farther away.
+fn seams(prop: u32, around: Around, own: u32, places: ptr<function, array<vec3<f32>, 5>>) -> vec4<bool> {
     var ramps: array<u32, 5>;
     for (var c = 0u; c < 5u; c++) {
-        let candidate = select(farther, candidates[min(c, 3u)], c < 4u);
-        let label = select(candidate, own.x, candidate == NO_LABEL) - 2u;
-        places[c] = place_of(prop, label_at(prop, label));
-        ramps[c] = ramp_of(prop, label);
+        ramps[c] = ramp_of(prop, candidate(around, own, c));
     }
-    // Where one material borders on another, colors in between can be nearest to a label of a third, which would draw a
-    // line. Those of the same two materials smooth the border.
     let own_ramps = vec4(ramps[0], ramps[1], ramps[2], ramps[3]);
+    let has_third = around.candidates.z != NO_LABEL || around.farther != NO_LABEL;
     var is_seam = vec4(false);
     var apart: array<vec4<f32>, 5>;
-    for (var i = 0u; i < select(0u, 5u, count > 2u || farther != NO_LABEL); i++) {
-        let there = places[i];
+    for (var i = 0u; i < select(0u, 5u, has_third); i++) {
+        let there = (*places)[i];
         apart[i] = vec4(
-            distance(there, places[0]),
-            distance(there, places[1]),
-            distance(there, places[2]),
-            distance(there, places[3]),
+            distance(there, (*places)[0]),
+            distance(there, (*places)[1]),
+            distance(there, (*places)[2]),
+            distance(there, (*places)[3]),
         );
         for (var k = 0u; k < i; k++) {
             let direct = apart[i][k];
             let longest = min(DETOUR * direct, sqrt(direct * direct + 4.0 * ASIDE * ASIDE));
             let is_between = apart[i] + apart[k] < vec4(select(0.0, longest, ramps[i] != ramps[k]));
             let is_third = (own_ramps != vec4(ramps[i])) & (own_ramps != vec4(ramps[k])) & (own_ramps < vec4(RAMPS));
-            is_seam = is_seam | (is_line & is_between & is_third);
+            is_seam = is_seam | (around.is_line & is_between & is_third);
         }
     }
+    return is_seam;
+}
+
+// Returns the index of the label of a candidate, or of the label farther away. Where there is none, that of the pixel's
+// `own` label.
+fn candidate(around: Around, own: u32, index: u32) -> u32 {
+    let label = select(around.farther, around.candidates[min(index, 3u)], index < 4u);
+    return select(label, own, label == NO_LABEL) - 2u;
+}
+
+// Returns the color of a pixel at a border, in encoded sRGB. `own` is its texel of `labels`, and `light` the light
+// in which it is seen.
+fn bordered(pixel: vec2<i32>, own: vec2<u32>, prop: u32, light: Light) -> vec3<f32> {
+    let around = labels_around(pixel, own);
+    let is_label = around.candidates != vec4(NO_LABEL);
+    let here = placed(prop, unpack(textureLoad(filtered, pixel, 0)));
+    var spline = spline_around(pixel, own, prop, here, around.candidates);
+    var places: array<vec3<f32>, 5>;
+    for (var c = 0u; c < 5u; c++) {
+        places[c] = place_of(prop, label_at(prop, candidate(around, own.x, c)));
+    }
+    let is_seam = seams(prop, around, own.x, &places);
+
+    // Only an island or a seam can have another label than that of the label pass.
     var nearest = 0u;
     var least = 1e30;
     for (var c = 0u; c < 4u; c++) {
-        let off = distance(here, places[c]) + select(0.0, DETAIL, is_island[c]) + select(0.0, 1e3, is_seam[c]);
+        let more = select(0.0, DETAIL, around.is_island[c]) + select(0.0, 1e3, is_seam[c]);
+        let off = distance(here, places[c]) + more;
         nearest = select(nearest, c, is_label[c] && off < least);
         least = select(least, off, is_label[c] && off < least);
     }
-    // Only an island or a seam can have another label than that of the label pass.
-    nearest = select(0u, nearest, is_island.x || is_seam.x);
+    nearest = select(0u, nearest, around.is_island.x || is_seam.x);
     // The spline loses details that are a pixel wide.
-    var is_lost = distance(place[0], here) > 0.5 * DETAIL;
+    var is_lost = distance(spline.place[0], here) > 0.5 * DETAIL;
     for (var c = 0u; c < 4u; c++) {
-        is_lost = is_lost || (is_label[c] && distance(place[0], places[c]) < distance(place[0], places[nearest]));
+        let is_nearer = distance(spline.place[0], places[c]) < distance(spline.place[0], places[nearest]);
+        is_lost = is_lost || (is_label[c] && is_nearer);
     }
-    let center = select(place[0], here, is_lost);
-    let label = candidates[nearest];
+    let center = select(spline.place[0], here, is_lost);
+
+    // What keeps labels counts only while they are kept from frame to frame.
+    let steadiness = select(0.0, labelings[prop].steadiness, labelings[prop].former.owner > 0u);
     let to = places[nearest];
     var sum = vec3(0.0);
     var rest = 1.0;
@@ -160,18 +200,19 @@ fn bordered(pixel: vec2<i32>, own: vec2<u32>, prop: u32, light: Light) -> vec3<f
         // The difference of the squares of the distances, less what keeps labels.
         let other = places[c];
         let step = MOVED * steadiness * distance(other, to);
-        let near = vec3(support[0][c], support[1][c], support[2][c]);
-        let kept = near - vec3(support[0][nearest], support[1][nearest], support[2][nearest]);
+        let near = vec3(spline.support[0][c], spline.support[1][c], spline.support[2][c]);
+        let kept =
+            near - vec3(spline.support[0][nearest], spline.support[1][nearest], spline.support[2][nearest]);
         let value = dot(2.0 * center - other - to, to - other) - step * kept.x;
-        let gradient = 2.0 * vec2(dot(place[1], to - other), dot(place[2], to - other)) - step * kept.yz;
-        let stays = !is_seam[c] && (!is_island[c] || distance(other, to) > DETAIL);
-        let share = min(beyond(max(value, 0.0), gradient), rest);
+        let along = 2.0 * vec2(dot(spline.place[1], to - other), dot(spline.place[2], to - other));
+        let stays = !is_seam[c] && (!around.is_island[c] || distance(other, to) > DETAIL);
+        let share = min(beyond(max(value, 0.0), along - step * kept.yz), rest);
         if is_label[c] && c != nearest && stays && share > 0.0 {
-            sum += share * decode(shown_at(prop, candidates[c] - 2u, light));
+            sum += share * decode(shown_at(prop, around.candidates[c] - 2u, light));
             rest -= share;
         }
     }
-    let shown = shown_at(prop, label - 2u, light);
+    let shown = shown_at(prop, around.candidates[nearest] - 2u, light);
     // To the bit what pixels away from borders show.
     if rest == 1.0 {
         return shown;

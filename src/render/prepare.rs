@@ -270,9 +270,8 @@ fn with_pipelines(plan: &Plan, last: &Plan, pipelines: &mut Pipelines, cache: &P
         }
         pass.pipelines = ready.into_iter().map(|id| id.unwrap_or(CachedRenderPipelineId::INVALID)).collect();
         if pass.result.is_some() && pass.clear.is_some() {
-            let clear = pipelines.clear(cache, pass, target);
-            lack.is_any |= clear.is_none();
-            pass.pipelines.extend(clear);
+            pass.clearing = pipelines.clear(cache, pass, target);
+            lack.is_any |= pass.clearing.is_none();
         }
     }
     lack.was_drawn |= lack.feature.is_some_and(|feature| last.keeps(feature));

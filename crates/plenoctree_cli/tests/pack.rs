@@ -6,7 +6,7 @@ use std::process::Output;
 
 use common::{ball, fail, folder, run, succeed, text};
 use plenoctree::{
-    Activation, BakeSettings, Basis, LoadSettings, PlenOctree, UpAxis, bake,
+    BakeSettings, Basis, LoadSettings, PlenOctree, bake,
     sampling::{Progress, SamplingSettings, sample},
 };
 
@@ -28,20 +28,6 @@ fn a_field_is_packed_and_measured() {
     assert!(printed.contains("sections, in bytes: HEAD "), "{printed}");
     succeed(&["pack", text(&source), "--npz", "--out", text(&quantized), "--views", "0", "--hidden", "0"]);
     assert_eq!(read("quantized.npz").coefficients(), packed.coefficients());
-}
-
-/// What `.npz` files do not record is recorded in the packed field.
-#[test]
-fn the_activation_and_the_up_axis_are_recorded() {
-    let folder = folder("pack_reading");
-    let (source, packed) = (ball(&folder), folder.join("ball.plenoctree"));
-    let pack = |options: &[&str]| {
-        succeed(&[&["pack", text(&source), "--exact", "--views", "0"], options].concat());
-        let field = PlenOctree::read(&packed, &LoadSettings::default()).unwrap();
-        (field.activation(), field.up())
-    };
-    assert_eq!(pack(&[]), (Activation::Identity, UpAxis::Z));
-    assert_eq!(pack(&["--activation", "shifted-relu", "--up", "y"]), (Activation::ShiftedRelu, UpAxis::Y));
 }
 
 /// What `.npz` files do not record is said, with the flags that read it again. Files that grow are not called smaller.
@@ -88,18 +74,6 @@ fn faint_fields_are_not_packed_silently() {
     let [printed, warnings] = [stdout, stderr].map(|text| String::from_utf8(text).unwrap());
     assert!(status.success() && printed.contains("dB from the field in 4 views"), "{printed}{warnings}");
     assert!(warnings.is_empty() || warnings.contains("solid.npz: measured without labels"), "{warnings}");
-}
-
-/// The leaves of a solid block hide their own centers. It is packed and measured all the same.
-#[test]
-fn a_solid_field_is_packed() {
-    let folder = folder("pack_solid");
-    let settings = BakeSettings { depth: 2, basis: Basis::Rgba, directions: 8, ..Default::default() };
-    let source = folder.join("solid.npz");
-    bake(&settings, |_| 1000.0, |_| |_| glam::DVec3::ONE).unwrap().write(&source).unwrap();
-    let printed = succeed(&["pack", text(&source), "--hidden", "0"]);
-    assert!(printed.contains("solid.plenoctree") && printed.contains("dB"), "{printed}");
-    assert!(folder.join("solid.plenoctree").exists());
 }
 
 /// Histograms are recorded before the field is simplified, if they are asked for.

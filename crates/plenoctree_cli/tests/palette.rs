@@ -107,16 +107,6 @@ fn palettes_are_written_to_pipes() {
     assert_eq!(fs::read_dir(&folder).unwrap().count(), 3);
 }
 
-/// Messages agree with their numbers: one color is not "1 colors".
-#[test]
-fn one_color_is_singular() {
-    let field = ball(&folder("palette_singular"));
-    for (count, expected) in [("1", "\n1 color of "), ("2", "\n2 colors of ")] {
-        let printed = succeed(&["palette", text(&field), "--colors", count]);
-        assert!(printed.contains(expected), "{printed}");
-    }
-}
-
 /// Histograms that were saved give the palette of the field, by either method and with any number of colors.
 #[test]
 fn saved_histograms_give_the_same_palette() {

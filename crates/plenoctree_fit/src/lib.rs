@@ -50,14 +50,10 @@ mod finest;
 mod fit;
 #[cfg(feature = "splat")]
 pub mod splat;
-#[cfg(feature = "fit")]
-mod transforms;
 
 #[cfg(feature = "fit")]
 pub use fit::{
     Comparison, Distortion, FitError, FitInput, FitProgress, FitReport, FitSettings, FitStatus, Fitted, HeldOut,
     InputFolders, Lens, Picture, RefineSettings, Refined, RoundReport, Seconds, Shot, SimplifySettings, StageReport,
-    SuspiciousView, View, ViewCamera, ViewReport, decibels, fit, refine, simplify, ssim,
+    SuspiciousView, Transforms, View, ViewCamera, ViewReport, decibels, fit, read_transforms, refine, simplify, ssim,
 };
-#[cfg(feature = "fit")]
-pub use transforms::{CameraError, Transforms, read_transforms};

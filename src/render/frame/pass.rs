@@ -31,12 +31,12 @@ pub(in crate::render) struct Pass {
     pub clear: Option<Clear>,
     /// Whether it draws every pixel. GPUs that draw tile by tile need not load what its attachments hold.
     pub covers_all: bool,
-    /// Buffers that are filled with zeros before it.
-    pub zeroes: Vec<Slot>,
     pub samples: u32,
     pub programs: Vec<Program>,
-    /// The pipelines of these, and the one that clears what it writes if that may be cached.
+    /// The pipelines of these.
     pub pipelines: Vec<CachedRenderPipelineId>,
+    /// The one that clears what it writes if that may be cached.
+    pub clearing: Option<CachedRenderPipelineId>,
     pub draws: Vec<Draw>,
 }
 
@@ -55,11 +55,11 @@ impl Pass {
             depth: None,
             clear: None,
             covers_all: false,
-            zeroes: vec![],
             samples: 1,
             draws: (0..programs.len()).map(Draw::triangle).collect(),
             programs,
             pipelines: vec![],
+            clearing: None,
         }
     }
 

@@ -13,7 +13,7 @@ use bevy::{
 
 use super::{
     cache::Cache,
-    pass::{CachedResult, Clear, FirstGroup, Pass, Place},
+    pass::{Access, CachedResult, Clear, FirstGroup, Pass, Place},
     pipelines::Pipelines,
     slot::Slot,
     textures::{Textures, bind},
@@ -114,7 +114,7 @@ pub(in crate::render) fn run(
         let span = diagnostics.time_span(ctx.command_encoder(), named[0].name);
         for pass in named {
             // Nothing is missing: passes are planned only if they can run.
-            let _ = draw(pass, &mut view, &frame, &mut ctx);
+            let _ = draw(pass, &view, &frame, &mut ctx);
         }
         span.end(ctx.command_encoder());
     }
@@ -145,112 +145,136 @@ fn compare(place: Place, view: &mut PropView, frame: &Frame, ctx: &mut RenderCon
 }
 
 /// Draws a pass. Returns `None` if something is missing.
-fn draw(pass: &Pass, view: &mut PropView, frame: &Frame, ctx: &mut RenderContext) -> Option<()> {
-    let PropView { plan, textures, buffers, cached, lights, .. } = view;
+fn draw(pass: &Pass, view: &PropView, frame: &Frame, ctx: &mut RenderContext) -> Option<()> {
     let cache = frame.cache;
-    for slot in &pass.zeroes {
-        ctx.command_encoder().clear_buffer(textures.buffer(*slot)?, 0, None);
+    // It lists elements, a bit each.
+    for slot in pass.stores.iter().filter(|slot| matches!(slot, Slot::BatchGaps | Slot::BatchEdges)) {
+        ctx.command_encoder().clear_buffer(view.textures.buffer(*slot)?, 0, None);
     }
     // What may be cached is cleared by a draw call, because only the GPU knows whether it must be.
-    let may_keep = pass.result.is_some_and(|result| !cached.is_drawn(result));
+    let may_keep = pass.result.is_some_and(|result| !view.cached.is_drawn(result));
     let clear = pass.clear.or(pass.covers_all.then_some(Clear::Zero)).filter(|_| !may_keep);
-    let attach = |slot: &Slot| {
-        let load = clear.map_or(LoadOp::Load, |clear| LoadOp::Clear(clear.color()));
-        Some(match slot {
-            Slot::Target => match plan.placement {
-                PropPlacement::Scene => frame.target.get_color_attachment(),
-                // Post-processing continues with the resolved texture.
-                PropPlacement::Display => frame.target.get_unsampled_color_attachment(),
-            },
-            Slot::PrepassMotion => frame.prepass?.motion_vectors.as_ref()?.get_attachment(),
-            slot => RenderPassColorAttachment {
-                view: textures.get(*slot)?,
-                depth_slice: None,
-                resolve_target: None,
-                ops: Operations { load, store: StoreOp::Store },
-            },
-        })
-    };
-    let colors: Vec<_> = pass.writes.iter().map(attach).collect();
-    let depth = match pass.depth {
-        Some(Slot::TargetDepth) => Some(frame.depth.get_attachment(StoreOp::Store)),
-        Some(slot) => {
-            let load = if clear.is_some() { LoadOp::Clear(0.0) } else { LoadOp::Load };
-            // Without operations, it is only tested.
-            let depth_ops = pass.writes_depth().then_some(Operations { load, store: StoreOp::Store });
-            Some(RenderPassDepthStencilAttachment { view: textures.get(slot)?, depth_ops, stencil_ops: None })
-        }
-        None => None,
-    };
-    let of_inputs: Vec<_> = pass
-        .bound()
-        .map(|(access, slots)| {
-            let resource = |slot: &Slot| match slot {
-                Slot::View => buffers.view.binding(),
-                Slot::Screen => buffers.screen.binding(),
-                Slot::Lit => buffers.lit.binding(),
-                Slot::Shades => buffers.shades.binding(),
-                Slot::Scene => Some(BindingResource::TextureView(frame.target.main_texture_view())),
-                slot => match textures.buffer(*slot) {
-                    Some(buffer) => Some(buffer.as_entire_binding()),
-                    None => Some(BindingResource::TextureView(textures.get(*slot)?)),
-                },
-            };
-            let resources: Option<Vec<_>> = slots.iter().map(resource).collect();
-            let layout = frame.pipelines.bound_layout(pass.name, access, slots);
-            Some(bind(ctx.render_device(), cache, &layout, &resources?))
-        })
-        .collect::<Option<_>>()?;
-    let first = match pass.group {
-        FirstGroup::Lights => lights.as_ref().map(|(group, offsets)| (group.clone(), &offsets[..])),
-        group => {
-            let mut resources: Vec<BindingResource> = buffers.bindings(frame.palettes)?;
-            if group.samples().is_some() {
-                // Where objects are hidden and drawn again, the scene's depth holds props.
-                let is_saved = pass.feature == Feature::Objects;
-                let scene_depth = if is_saved { textures.get(Slot::SceneDepth)? } else { frame.depth.view() };
-                resources.push(BindingResource::TextureView(scene_depth));
-            }
-            if let FirstGroup::Batches(_, list) = group {
-                resources.push(textures.buffer(list)?.as_entire_binding());
-            }
-            let layout = frame.pipelines.first_layout(group);
-            Some((bind(ctx.render_device(), cache, &layout, &resources), &[][..]))
-        }
-    };
-    let area = pass.area(plan);
+    let (colors, depth) = attachments(pass, view, frame, clear)?;
+    let first = first_group(pass, view, frame, ctx)?;
+    // Without lights in the scene, nothing is blocked.
+    let offsets = view.lights.as_ref().filter(|_| pass.group == FirstGroup::Lights).map_or(&[][..], |(_, all)| all);
+    let bound: Vec<_> =
+        pass.bound().map(|(access, slots)| group(pass, access, slots, view, frame, ctx)).collect::<Option<_>>()?;
+
     let mut recorded = ctx.begin_tracked_render_pass(RenderPassDescriptor {
         label: Some(pass.name),
         color_attachments: &colors,
         depth_stencil_attachment: depth,
         ..default()
     });
+    let area = pass.area(&view.plan);
     let (corner, size) = (area.min.as_vec2(), area.size().as_vec2());
     recorded.set_viewport(corner.x, corner.y, size.x, size.y, 0.0, 1.0);
     recorded.set_scissor_rect(area.min.x, area.min.y, area.width(), area.height());
-    // Without lights in the scene, nothing is blocked.
-    let (group, offsets) = first.as_ref()?;
-    recorded.set_bind_group(0, group, offsets);
-    if let (true, Some(id)) = (may_keep, pass.pipelines.get(pass.programs.len())) {
-        recorded.set_render_pipeline(cache.get_render_pipeline(*id)?);
+    recorded.set_bind_group(0, &first, offsets);
+    if let (true, Some(id)) = (may_keep, pass.clearing) {
+        recorded.set_render_pipeline(cache.get_render_pipeline(id)?);
         recorded.draw(0..3, 0..1);
     }
     for draw in &pass.draws {
-        let program = pass.programs.get(draw.program)?;
         recorded.set_render_pipeline(cache.get_render_pipeline(*pass.pipelines.get(draw.program)?)?);
         let mut next = 1;
         if let Some(field) = &draw.field {
             recorded.set_bind_group(1, field, &[]);
             next = 2;
         }
-        if program.reads {
-            for (index, group) in (next..).zip(&of_inputs) {
+        if pass.programs.get(draw.program)?.reads {
+            for (index, group) in (next..).zip(&bound) {
                 recorded.set_bind_group(index, group, &[]);
             }
         }
         recorded.draw(draw.vertices.clone(), draw.instance..draw.instance + 1);
     }
     Some(())
+}
+
+type Attachments<'a> = (Vec<Option<RenderPassColorAttachment<'a>>>, Option<RenderPassDepthStencilAttachment<'a>>);
+
+/// Returns what a pass draws to. Where it does not `clear` them, they keep what they hold.
+fn attachments<'a>(
+    pass: &Pass,
+    view: &'a PropView,
+    frame: &Frame<'a>,
+    clear: Option<Clear>,
+) -> Option<Attachments<'a>> {
+    let attach = |slot: &Slot| {
+        let load = clear.map_or(LoadOp::Load, |clear| LoadOp::Clear(clear.color()));
+        Some(match slot {
+            Slot::Target => match view.plan.placement {
+                PropPlacement::Scene => frame.target.get_color_attachment(),
+                // Post-processing continues with the resolved texture.
+                PropPlacement::Display => frame.target.get_unsampled_color_attachment(),
+            },
+            Slot::PrepassMotion => frame.prepass?.motion_vectors.as_ref()?.get_attachment(),
+            slot => RenderPassColorAttachment {
+                view: view.textures.get(*slot)?,
+                depth_slice: None,
+                resolve_target: None,
+                ops: Operations { load, store: StoreOp::Store },
+            },
+        })
+    };
+    let colors = pass.writes.iter().map(attach).collect();
+    let depth = match pass.depth {
+        Some(Slot::TargetDepth) => Some(frame.depth.get_attachment(StoreOp::Store)),
+        Some(slot) => {
+            let load = if clear.is_some() { LoadOp::Clear(0.0) } else { LoadOp::Load };
+            // Without operations, it is only tested.
+            let depth_ops = pass.writes_depth().then_some(Operations { load, store: StoreOp::Store });
+            Some(RenderPassDepthStencilAttachment { view: view.textures.get(slot)?, depth_ops, stencil_ops: None })
+        }
+        None => None,
+    };
+    Some((colors, depth))
+}
+
+/// Returns bind group 0 of a pass.
+fn first_group(pass: &Pass, view: &PropView, frame: &Frame, ctx: &RenderContext) -> Option<BindGroup> {
+    if pass.group == FirstGroup::Lights {
+        return view.lights.as_ref().map(|(group, _)| group.clone());
+    }
+    let mut resources = view.buffers.bindings(frame.palettes)?;
+    if pass.group.samples().is_some() {
+        // Where objects are hidden and drawn again, the scene's depth holds props.
+        let is_saved = pass.feature == Feature::Objects;
+        let scene_depth = if is_saved { view.textures.get(Slot::SceneDepth)? } else { frame.depth.view() };
+        resources.push(BindingResource::TextureView(scene_depth));
+    }
+    if let FirstGroup::Batches(_, list) = pass.group {
+        resources.push(view.textures.buffer(list)?.as_entire_binding());
+    }
+    Some(bind(ctx.render_device(), frame.cache, &frame.pipelines.first_layout(pass.group), &resources))
+}
+
+/// Returns the bind group of what a pass reads or stores to.
+fn group(
+    pass: &Pass,
+    access: Access,
+    slots: &[Slot],
+    view: &PropView,
+    frame: &Frame,
+    ctx: &RenderContext,
+) -> Option<BindGroup> {
+    let PropView { textures, buffers, .. } = view;
+    let resource = |slot: &Slot| match slot {
+        Slot::View => buffers.view.binding(),
+        Slot::Screen => buffers.screen.binding(),
+        Slot::Lit => buffers.lit.binding(),
+        Slot::Shades => buffers.shades.binding(),
+        Slot::Scene => Some(BindingResource::TextureView(frame.target.main_texture_view())),
+        slot => match textures.buffer(*slot) {
+            Some(buffer) => Some(buffer.as_entire_binding()),
+            None => Some(BindingResource::TextureView(textures.get(*slot)?)),
+        },
+    };
+    let resources: Vec<_> = slots.iter().map(resource).collect::<Option<_>>()?;
+    let layout = frame.pipelines.bound_layout(pass.name, access, slots);
+    Some(bind(ctx.render_device(), frame.cache, &layout, &resources))
 }
 
 /// Copies the depth of the scene, which now includes props, to the texture that effects read, as Bevy's prepass does, if

@@ -70,10 +70,8 @@ pub(in crate::render) enum Slot {
     Interim,
     /// The same, after that pass.
     Shown,
-    /// The same, as custom stages write it: by turns, those with an odd number and those with an even one.
+    /// The same, as custom stages write it, and then fog: by turns, those with an odd number and those with an even one.
     Staged(usize),
-    /// The same, in the fog.
-    Fogged,
     /// See [`LabelStages`](crate::LabelStages).
     Labels,
     /// The labels and the depth of the former frame. A single pixel while no prop keeps labels.
@@ -125,7 +123,7 @@ impl Slot {
         use TextureFormat::*;
         Some(match self {
             Self::Color(_) | Self::OwnRays | Self::OtherRays | Self::SmoothLight => Rgba16Float,
-            Self::Interim | Self::Shown | Self::Staged(_) | Self::Fogged => Rgba16Float,
+            Self::Interim | Self::Shown | Self::Staged(_) => Rgba16Float,
             Self::Owner(_) => Rg16Float,
             Self::Motion(_) | Self::PrepassMotion => MOTION_VECTOR_PREPASS_FORMAT,
             Self::Depth(_) | Self::NearestDepth(_) | Self::OpaqueDepth(_) => DEPTH_FORMAT,

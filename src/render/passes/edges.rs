@@ -52,7 +52,6 @@ pub(super) fn outlining(plan: &Plan, pass: Pass) -> Pass {
         writes: [&pass.writes[..], &[Slot::Outline]].concat(),
         depth: Some(Slot::EdgeMask),
         covers_all: true,
-        zeroes: vec![Slot::BatchEdges],
         programs: pass.programs.into_iter().map(define).collect(),
         ..pass
     }

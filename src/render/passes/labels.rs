@@ -165,7 +165,7 @@ pub(super) fn present(plan: &Plan) -> Vec<Pass> {
     let replace = Blend::With(BlendState { color: BlendComponent::REPLACE, alpha: BlendComponent::OVER });
     let of_edges = hidden.map_or(vec![], |_| vec![Slot::Outline, Slot::Coverage]);
     let of_motion = plan.has_motion.then_some(Slot::Motion(RaySet::Pixels));
-    let shown = if plan.has_fog { Slot::Fogged } else { shown_after(plan.stages.len()) };
+    let shown = shown_after(plan.stages.len() + usize::from(plan.has_fog));
     let reads = vec![vec![shown, Slot::DEPTH], of_edges, of_motion.into_iter().collect()];
     let pass = |programs: Vec<Program>, writes, depth, samples| Pass {
         feature: if hidden.is_some() { Feature::Edges } else { Feature::Base },
@@ -189,8 +189,8 @@ pub(super) fn present(plan: &Plan) -> Vec<Pass> {
     ]
 }
 
-/// Returns where the result of the first `stages` custom stages is. What is shown without them may be cached, so they
-/// leave it as it is.
+/// Returns where the result of the first `stages` custom stages is. Fog counts as another one. What is shown without them
+/// may be cached, so they leave it as it is.
 pub(super) fn shown_after(stages: usize) -> Slot {
     match stages {
         0 => Slot::Shown,

@@ -108,7 +108,7 @@ pub(super) fn fog(plan: &Plan) -> Option<Pass> {
         feature: Feature::Fog,
         group: FirstGroup::Lights,
         reads: vec![reads],
-        writes: vec![Slot::Fogged],
+        writes: vec![shown_after(plan.stages.len() + 1)],
         clear: Some(Clear::NegativeAlpha),
         ..Pass::fullscreen(FOG, Place::Present, None, vec![program])
     })

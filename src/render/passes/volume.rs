@@ -194,7 +194,6 @@ pub(super) fn check(plan: &Plan) -> Pass {
         stores: vec![Slot::BatchGaps],
         writes: vec![Slot::Gaps],
         covers_all: true,
-        zeroes: vec![Slot::BatchGaps],
         ..Pass::fullscreen(CHECK, Place::Layer, Some(CachedResult::Layer), vec![Program::new("check")])
     }
 }

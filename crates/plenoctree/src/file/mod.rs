@@ -28,4 +28,4 @@ pub use room::TooEven;
 #[cfg(feature = "write")]
 pub use write::WriteError;
 #[cfg(feature = "write")]
-pub(crate) use write::{Archive, check_float32, half_density};
+pub(crate) use write::{Archive, check_written, half_density};

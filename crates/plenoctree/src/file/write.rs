@@ -10,7 +10,8 @@ use npyz::{AutoSerialize, DType, NpyWriter, Serialize, WriteOptions, WriterBuild
 use zip::write::{FileOptions, ZipWriter};
 
 use super::{
-    frame::{EXACT_FRAME, in_float32},
+    error::ReadFault,
+    frame::{EXACT_FRAME, check_frame, in_float32},
     room::TooEven,
 };
 use crate::{
@@ -35,14 +36,9 @@ pub enum WriteError {
     /// The file could not be created or written.
     #[error("cannot be written: {0}")]
     Io(#[from] io::Error),
-    /// The frame's offset or scale does not fit in float32, in which files store it.
-    #[error("{key}: found {found}, expected a number that float32 can represent")]
-    Frame {
-        /// Name of the array that would hold the number.
-        key: &'static str,
-        /// The number.
-        found: f64,
-    },
+    /// The field's frame is not within the range of float32, in which files store it.
+    #[error(transparent)]
+    Frame(ReadFault),
     /// The file would be too small for what it holds.
     #[error(transparent)]
     TooEven(#[from] TooEven),
@@ -75,7 +71,7 @@ impl PlenOctree {
     ///
     /// Returns the same errors as [`Self::write`].
     pub fn write_to(&self, mut writer: impl Write + Seek) -> Result<(), WriteError> {
-        check_float32(self.frame())?;
+        check_written(self.frame())?;
         let mut archive = Archive::new(BufWriter::new(&mut writer));
         let values = self.basis().coefficients() + 1;
         let nodes = self.nodes().len() as u64;
@@ -142,17 +138,9 @@ pub(crate) fn half_density(density: f32) -> f16 {
     f16::from_f32(density).clamp(f16::MIN_POSITIVE_SUBNORMAL, f16::MAX)
 }
 
-/// Returns an error unless a frame fits in float32.
-pub(crate) fn check_float32(frame: Frame) -> Result<(), WriteError> {
-    let (scale, offset) = (frame.scale.as_vec3(), frame.offset.as_vec3());
-    let fault = |key, exact: DVec3, at: usize| WriteError::Frame { key, found: exact[at] };
-    if let Some(at) = (0..3).find(|&at| !scale[at].is_finite() || scale[at] <= 0.0) {
-        return Err(fault("invradius3", frame.scale, at));
-    }
-    if let Some(at) = (0..3).find(|&at| !offset[at].is_finite()) {
-        return Err(fault("offset", frame.offset, at));
-    }
-    Ok(())
+/// Returns an error unless readers accept a frame.
+pub(crate) fn check_written(frame: Frame) -> Result<(), WriteError> {
+    check_frame(["offset", "invradius3"], frame).map_err(WriteError::Frame)
 }
 
 /// Returns whether float32 would move a corner of a field.

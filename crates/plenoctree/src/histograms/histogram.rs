@@ -9,16 +9,16 @@ pub const MAX_CHANNEL: f64 = 0.999;
 /// Both histograms contain the total weight of all samples. They are not normalized.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histograms {
-    pub(super) fine: Bins,
-    pub(super) coarse: Bins,
-    pub(super) samples: u64,
+    pub(crate) fine: Bins,
+    pub(crate) coarse: Bins,
+    pub(crate) samples: u64,
 }
 
 /// A single histogram.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Bins {
+pub(crate) struct Bins<T = f64> {
     pub per_channel: usize,
-    pub weights: Vec<f64>,
+    pub weights: Vec<T>,
 }
 
 /// An error that occurs when a histogram does not have one finite, non-negative weight per bin.
@@ -59,19 +59,6 @@ impl Histograms {
         Ok(Self { fine: Bins::new(fine_bins, fine)?, coarse: Bins::new(coarse_bins, coarse)?, samples })
     }
 
-    /// Creates histograms from weights that are known to be valid: one per bin, finite and not negative.
-    #[cfg(feature = "reference")]
-    pub(crate) fn from_weights(
-        fine_bins: usize,
-        fine: Vec<f64>,
-        coarse_bins: usize,
-        coarse: Vec<f64>,
-        samples: u64,
-    ) -> Self {
-        let bins = |per_channel, weights| Bins { per_channel, weights };
-        Self { fine: bins(fine_bins, fine), coarse: bins(coarse_bins, coarse), samples }
-    }
-
     /// Returns the weights of the fine bins, which k-means clusters.
     pub fn fine(&self) -> &[f64] {
         &self.fine.weights
@@ -90,14 +77,6 @@ impl Histograms {
     /// Returns the total weight of all samples.
     pub fn total_weight(&self) -> f64 {
         self.fine.weights.iter().sum()
-    }
-
-    pub(crate) fn fine_bins(&self) -> &Bins {
-        &self.fine
-    }
-
-    pub(crate) fn coarse_bins(&self) -> &Bins {
-        &self.coarse
     }
 }
 
@@ -124,14 +103,9 @@ impl Bins {
 ///
 /// Weights are added as integers, so that the sum does not depend on the order in which threads add them.
 pub(crate) struct Tally {
-    fine: Counts,
-    coarse: Counts,
+    fine: Bins<u64>,
+    coarse: Bins<u64>,
     scale: f64,
-}
-
-struct Counts {
-    per_channel: usize,
-    counts: Vec<u64>,
 }
 
 impl Tally {
@@ -140,7 +114,7 @@ impl Tally {
         // A power of two makes scaling exact. Two bits are left for rounding.
         let exponent = if most > 0.0 { most.log2().ceil().max(-900.0) } else { 0.0 };
         let scale = (62.0 - exponent).exp2();
-        Self { fine: Counts::new(fine_bins), coarse: Counts::new(coarse_bins), scale }
+        Self { fine: Bins::empty(fine_bins), coarse: Bins::empty(coarse_bins), scale }
     }
 
     /// Adds a radiance sample.
@@ -159,27 +133,27 @@ impl Tally {
 
     /// Returns the histograms, with every weight multiplied by `factor`.
     pub fn finish(self, factor: f64, samples: u64) -> Histograms {
-        let bins = |counts: Counts| Bins {
-            per_channel: counts.per_channel,
-            weights: counts.counts.into_iter().map(|count| count as f64 * factor / self.scale).collect(),
+        let bins = |Bins { per_channel, weights }: Bins<u64>| Bins {
+            per_channel,
+            weights: weights.into_iter().map(|weight| weight as f64 * factor / self.scale).collect(),
         };
         Histograms { fine: bins(self.fine), coarse: bins(self.coarse), samples }
     }
 }
 
-impl Counts {
-    fn new(per_channel: usize) -> Self {
-        Self { per_channel, counts: vec![0; per_channel.pow(3)] }
+impl Bins<u64> {
+    fn empty(per_channel: usize) -> Self {
+        Self { per_channel, weights: vec![0; per_channel.pow(3)] }
     }
 
     fn add(&mut self, color: [f64; 3], weight: u64) {
         let n = self.per_channel;
         let [r, g, b] = color.map(|c| (c.clamp(0.0, MAX_CHANNEL) * n as f64) as usize);
-        self.counts[(r * n + g) * n + b] += weight;
+        self.weights[(r * n + g) * n + b] += weight;
     }
 
     fn merge(&mut self, other: &Self) {
-        self.counts.iter_mut().zip(&other.counts).for_each(|(a, b)| *a += b);
+        self.weights.iter_mut().zip(&other.weights).for_each(|(a, b)| *a += b);
     }
 }
 
@@ -224,7 +198,7 @@ mod tests {
         fn centers_lie_in_their_bins(per_channel in 1usize..=64, bin: prop::sample::Index) {
             let bin = bin.index(per_channel.pow(3));
             let mut tally = Tally::new(per_channel, 1, 1.0);
-            let center = Bins { per_channel, weights: vec![] }.center(bin);
+            let center = Bins::<f64> { per_channel, weights: vec![] }.center(bin);
             tally.add(center, 1.0);
             prop_assert_eq!(tally.finish(1.0, 1).fine()[bin], 1.0);
         }

@@ -125,7 +125,8 @@ mod tests {
     };
 
     fn ball(density: impl Fn(f64) -> f64 + Sync) -> PlenOctree {
-        let settings = BakeSettings { depth: 6, basis: Basis::Rgba, min_density: 0.0, ..Default::default() };
+        let settings =
+            BakeSettings { depth: 6, basis: Basis::Rgba, directions: 1, min_density: 0.0, ..Default::default() };
         bake(&settings, |at| density(at.length()), |_| |_| DVec3::splat(0.5)).unwrap()
     }
 

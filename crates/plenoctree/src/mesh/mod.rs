@@ -217,7 +217,7 @@ mod tests {
     };
 
     fn field(density: impl Fn(DVec3) -> f64 + Sync) -> PlenOctree {
-        let settings = BakeSettings { depth: 6, basis: Basis::Rgba, ..Default::default() };
+        let settings = BakeSettings { depth: 6, basis: Basis::Rgba, directions: 1, ..Default::default() };
         bake(&settings, density, |_| |_| DVec3::splat(0.5)).unwrap()
     }
 

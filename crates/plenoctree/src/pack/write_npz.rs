@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::{packed::Packed, split::shared};
 use crate::{
     field::PlenOctree,
-    file::{Archive, MAX_ROWS, WriteError, check_float32, half_density},
+    file::{Archive, MAX_ROWS, WriteError, check_written, half_density},
     save::replace_file,
 };
 
@@ -29,7 +29,7 @@ impl Packed {
 }
 
 fn write_quantized(field: &PlenOctree, mut writer: impl Write + Seek) -> Result<(), WriteError> {
-    check_float32(field.frame())?;
+    check_written(field.frame())?;
     let mut archive = Archive::new(BufWriter::new(&mut writer));
     let functions = field.basis().functions();
     let nodes = field.nodes().len() as u64;

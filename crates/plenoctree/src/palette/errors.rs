@@ -49,7 +49,7 @@ impl ColorErrors {
         progress: &Progress,
     ) -> Result<Self, Canceled> {
         let shown = ShownColors::new(palette, blend_steps);
-        let bins = histograms.fine_bins();
+        let bins = &histograms.fine;
         let decoded: Vec<f64> = (0..bins.per_channel).map(|i| decode(bins.center(i)[2])).collect();
         let most = bins.weights.iter().copied().fold(0.0, f64::max);
         let mut sums = Sums::default();

@@ -165,7 +165,7 @@ pub fn extract_from_samples(
             palette
         }
         PaletteMethod::Fitted => {
-            let cloud = Cloud::new(histograms.fine_bins()).ok_or(ExtractionError::NothingVisible)?;
+            let cloud = Cloud::new(&histograms.fine).ok_or(ExtractionError::NothingVisible)?;
             let palette =
                 choose(histograms, settings, progress, |colors| cloud.fit(colors, settings.blend_steps, progress))?;
             seconds.fitting = start.elapsed().as_secs_f64();
@@ -174,7 +174,7 @@ pub fn extract_from_samples(
         PaletteMethod::Tones => {
             let mut colors = tones::seen_colors(views);
             if colors.is_empty() {
-                colors = tones::binned_colors(histograms.fine_bins());
+                colors = tones::binned_colors(&histograms.fine);
             }
             let points = tones::points(&colors, progress)?;
             let within = |tolerance: f64| {
@@ -249,7 +249,7 @@ fn filter(
     progress: &Progress,
 ) -> Result<Option<Clusters>, Canceled> {
     let total = histograms.total_weight();
-    let bins = histograms.fine_bins();
+    let bins = &histograms.fine;
     let (points, weights): (Vec<_>, Vec<_>) = bins
         .weights
         .iter()
@@ -257,7 +257,7 @@ fn filter(
         .map(|(bin, weight)| (bins.center(bin), weight / total))
         .filter(|(_, weight)| *weight > 0.0)
         .unzip();
-    let centers = initial_centers(histograms.coarse_bins(), settings.coarse_threshold);
+    let centers = initial_centers(&histograms.coarse, settings.coarse_threshold);
     if points.is_empty() || centers.is_empty() {
         return Ok(None);
     }
@@ -350,7 +350,7 @@ mod tests {
     /// does.
     #[test]
     fn progress_counts_what_comes_after_sampling() {
-        let settings = BakeSettings { depth: 5, basis: Basis::Rgba, ..Default::default() };
+        let settings = BakeSettings { depth: 5, basis: Basis::Rgba, directions: 1, ..Default::default() };
         let color = |at: DVec3| move |_: DVec3| 0.5 + 0.4 * (4.0 * at).map(f64::sin);
         let field = bake(&settings, |at| if at.length() < 0.8 { 50.0 } else { 0.0 }, color).unwrap();
         for (method, sampling) in [(PaletteMethod::Tones, 0.5), (PaletteMethod::Hull, 1.0)] {
@@ -386,7 +386,7 @@ mod tests {
             [_, true] => 0.7,
             _ => 0.0,
         };
-        let settings = BakeSettings { depth: 6, basis: Basis::Rgba, ..Default::default() };
+        let settings = BakeSettings { depth: 6, basis: Basis::Rgba, directions: 1, ..Default::default() };
         let field = bake(&settings, density, |at| move |_| if at.x < 0.0 { red } else { blue }).unwrap();
         let palette = extract(&field, &ExtractionSettings::default(), &Progress::default()).unwrap().palette;
         for color in [red, blue] {
@@ -470,7 +470,7 @@ mod tests {
         let fit = ExtractionSettings { colors: ColorCount::Auto { tolerance: 1e-9 }, ..Default::default() };
         let tones = ExtractionSettings { method: PaletteMethod::Tones, ..fit.clone() };
         for (stage, settings) in [("k-means", k_means), ("hull", hull), ("fit", fit), ("tones", tones)] {
-            for after in [0, 100, 500] {
+            for after in [0, 100] {
                 let progress = Progress::default();
                 let result = std::thread::scope(|scope| {
                     let worker = scope.spawn(|| extract_from_samples(&histograms, &[], &settings, &progress));
@@ -502,9 +502,7 @@ mod tests {
                 alone.report.clusters.is_none_or(|clusters| clusters > 20) && alone.palette.colors.len() >= 6,
                 "{alone:?}"
             );
-            for threads in [2, 3, 8] {
-                assert_eq!(alone, on(threads, method));
-            }
+            assert_eq!(alone, on(3, method));
         }
     }
 

@@ -45,7 +45,7 @@ pub fn simplify_hull(colors: &[[f64; 3]], max_colors: usize) -> Result<Palette, 
 
 /// Returns the initial centers of k-means for a field: section 3 of the method, step 6. Empty if there is no weight.
 pub fn initial_centers(histograms: &Histograms, settings: &ExtractionSettings) -> Vec<[f64; 3]> {
-    extract::initial_centers(histograms.coarse_bins(), settings.coarse_threshold)
+    extract::initial_centers(&histograms.coarse, settings.coarse_threshold)
 }
 
 /// Returns the centers of the clusters that weighted k-means finds from the given initial centers: section 3 of the

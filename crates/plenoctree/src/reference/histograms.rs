@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::{
     field::{LeafCell, PlenOctree, UpAxis},
-    sampling::{Histograms, InvalidSetting, ObserverRegion, SamplingSettings},
+    sampling::{Bins, Histograms, InvalidSetting, ObserverRegion, SamplingSettings},
 };
 
 /// Samples a whole field, sample by sample, in float64 and on one core.
@@ -53,7 +53,9 @@ pub fn sample_histograms(field: &PlenOctree, settings: &SamplingSettings) -> Res
     }
     let samples = field.leaves() * directions.len();
     let [fine, coarse] = weights;
-    Ok(Histograms::from_weights(settings.fine_bins, fine, settings.coarse_bins, coarse, samples as u64))
+    let bins = |per_channel, weights| Bins { per_channel, weights };
+    let (fine, coarse) = (bins(settings.fine_bins, fine), bins(settings.coarse_bins, coarse));
+    Ok(Histograms { fine, coarse, samples: samples as u64 })
 }
 
 /// Returns the index of a color's bin: step 5.

@@ -239,7 +239,7 @@ mod tests {
     /// A ball of dense cells shows only its surface. In haze, everything is visible.
     #[test]
     fn only_the_surface_of_a_dense_ball_is_seen() {
-        let settings = BakeSettings { depth: 6, basis: Basis::Sh4, ..Default::default() };
+        let settings = BakeSettings { depth: 6, basis: Basis::Sh4, directions: 8, ..Default::default() };
         let ball = |density: f64| {
             let inside = move |at: DVec3| if at.length() < 0.8 { density } else { 0.0 };
             bake(&settings, inside, |_| |_| DVec3::splat(0.5)).unwrap()

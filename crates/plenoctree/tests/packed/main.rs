@@ -3,7 +3,7 @@
 
 mod sections;
 
-use std::io::Cursor;
+use std::{collections::HashMap, io::Cursor, sync::LazyLock};
 
 use glam::{DVec2, DVec3};
 use half::f16;
@@ -39,10 +39,15 @@ fn pack(field: &PlenOctree, settings: &PackSettings) -> Packed {
     Packed::new(field, settings, &Progress::default()).unwrap()
 }
 
-/// A small packed field, as sections.
-fn example(basis: Basis) -> Sections {
+/// Small packed fields, one of each basis.
+static EXAMPLES: LazyLock<HashMap<Basis, Vec<u8>>> = LazyLock::new(|| {
     let settings = PackSettings { rows: 16, record_histograms: true, ..Default::default() };
-    Sections::parse(pack(&ball(3, basis), &settings).bytes())
+    Basis::ALL.into_iter().map(|basis| (basis, pack(&ball(3, basis), &settings).bytes().to_vec())).collect()
+});
+
+/// Returns one of these, as sections.
+fn example(basis: Basis) -> Sections {
+    Sections::parse(&EXAMPLES[&basis])
 }
 
 fn assert_same(field: &PlenOctree, other: &PlenOctree) {

@@ -101,8 +101,6 @@ impl Pictures {
                 height: camera.height,
                 photographed: bytes(splat),
                 rendered: bytes(field),
-                psnr: psnr[0],
-                ..Comparison::default()
             });
         }
         let mean = |side: usize| views.iter().map(|psnr| psnr[side]).sum::<f64>() / views.len().max(1) as f64;

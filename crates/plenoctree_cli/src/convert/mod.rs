@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 use plenoctree::{PlenOctree, camera::PinholeCamera};
 use plenoctree_fit::{
-    RefineSettings, Refined, Shot, refine,
+    FitError, RefineSettings, Refined, Shot, refine,
     splat::{SPLAT_BLUR, SplatImage, Splats, Subject, SubjectSettings, VoxelSettings, render_splats, voxelize},
 };
 use serde_json::json;
@@ -139,9 +139,14 @@ pub fn run(arguments: &Arguments) -> Result {
                 time: arguments.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
                 seed: arguments.seed,
             };
-            let (Refined { field: better, before_psnr_db, rounds, kept }, before) = interruption
-                .watched(path, move |progress| {
-                    refine(&field, &shots, &held_out, &settings, progress).map(|refined| (refined, field))
+            let (Refined { field: better, before_psnr_db, rounds, kept }, before) =
+                interruption.watched(path, move |progress| {
+                    let refined = match refine(&field, &shots, &held_out, &settings, progress) {
+                        // The capture is too small to be in view.
+                        Err(FitError::Empty) => Refined::unchanged(&field),
+                        refined => refined?,
+                    };
+                    Ok((refined, field))
                 })?;
             refining = start.elapsed();
             let start = Instant::now();
@@ -212,8 +217,8 @@ pub fn run(arguments: &Arguments) -> Result {
             "measuring": seconds(measuring),
         },
     });
-    let written = output::write(&arguments.out, &field, &arguments.extraction, measured.previews(), &report)?;
-    console::say!("{}: {}", arguments.out.display(), counted(written, "leaf", "leaves"));
+    let (file, written) = output::write(&arguments.out, &field, &arguments.extraction, measured.previews(), &report)?;
+    console::say!("{}: {}", file.display(), counted(written, "leaf", "leaves"));
     Ok(())
 }
 

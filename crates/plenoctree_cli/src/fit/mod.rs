@@ -112,8 +112,8 @@ pub fn run(arguments: &Arguments) -> Result {
             now.map_or("is in none of them".into(), |now| format!("{:.2} dB", before.in_common(&now)[1]))
         );
     } else {
-        let leaves = output::write(&arguments.out, &field, &arguments.extraction, &previews, &described)?;
-        print(arguments, &report, leaves);
+        let (file, leaves) = output::write(&arguments.out, &field, &arguments.extraction, &previews, &described)?;
+        print(&file, &report, leaves);
     }
     if let Some(path) = checkpoint.filter(|_| !report.stopped) {
         // One that cannot be removed costs nothing but its space.
@@ -184,7 +184,7 @@ fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
     Ok(None)
 }
 
-fn print(arguments: &Arguments, report: &FitReport, leaves: usize) {
+fn print(file: &Path, report: &FitReport, leaves: usize) {
     for view in &report.suspicious {
         let what = match view.psnr_db {
             Some(psnr) => {
@@ -198,14 +198,14 @@ fn print(arguments: &Arguments, report: &FitReport, leaves: usize) {
     if report.up_agreement.is_some_and(|agreement| agreement < FitReport::LEAST_UP_AGREEMENT) {
         console::complain!(
             "warning: {}: --stand may have turned the wrong side up: the cameras hardly agree on a direction",
-            arguments.out.display()
+            file.display()
         );
     }
     if let Some(share) = report.largest_part.filter(|share| *share < LEAST_PART) {
         console::complain!(
             "warning: {}: --keep-largest keeps only {:.1}% of the leaves: the largest connected part may not be all of the \
              object",
-            arguments.out.display(),
+            file.display(),
             100.0 * share
         );
     }
@@ -218,5 +218,5 @@ fn print(arguments: &Arguments, report: &FitReport, leaves: usize) {
         );
     }
     let seconds = report.seconds.preparing + report.seconds.training + report.seconds.measuring;
-    console::say!("{}: {}, {seconds:.0} s", arguments.out.display(), counted(leaves, "leaf", "leaves"));
+    console::say!("{}: {}, {seconds:.0} s", file.display(), counted(leaves, "leaf", "leaves"));
 }

@@ -53,22 +53,27 @@ fn palette(out: &Path, field: &PlenOctree, arguments: &ExtractionArguments) -> O
 }
 
 /// Extracts the palette of the field, and writes both, previews of the held-out views, and the report. Another palette
-/// that is there is kept under another name. If that fails, nothing incomplete is left. Returns the number of leaves in
-/// the file: packing leaves out hidden ones. A field that cannot be packed is written as it is, next to the output.
+/// that is there is kept under another name. If that fails, nothing incomplete is left. A field that cannot be packed is
+/// written as it is, next to the output. Returns the file and the number of leaves in it: packing leaves out hidden ones.
 pub fn write(
     out: &Path,
     field: &PlenOctree,
     extraction: &ExtractionArguments,
     previews: &[Comparison],
     report: &Value,
-) -> Result<usize> {
+) -> Result<(PathBuf, usize)> {
     write_all(out, field, extraction, previews, report).inspect_err(|_| remove_unfinished(out))
 }
 
 /// Returns a closure that removes what is not finished of the results.
 pub fn cleaning_up(out: &Path) -> impl Fn() + Send + 'static {
-    let out = out.to_path_buf();
-    move || remove_unfinished(&out)
+    let files = [out.to_path_buf(), unpacked(out)];
+    move || files.iter().for_each(|out| remove_unfinished(out))
+}
+
+/// Returns where a field is written that cannot be packed.
+fn unpacked(out: &Path) -> PathBuf {
+    out.with_extension("npz")
 }
 
 fn remove_unfinished(out: &Path) {
@@ -85,11 +90,11 @@ fn write_all(
     extraction: &ExtractionArguments,
     previews: &[Comparison],
     report: &Value,
-) -> Result<usize> {
+) -> Result<(PathBuf, usize)> {
     let (views, targets) = (views(out), targets(out));
     let packed = match is_packed(out).then(|| packed(out, field)) {
         Some(Err(error)) => {
-            let unpacked = out.with_extension("npz");
+            let unpacked = unpacked(out);
             if unpacked.exists() {
                 return Err(format!("{}: {error}", out.display()).into());
             }
@@ -159,7 +164,7 @@ fn write_all(
         }
     }
     outdated.iter().for_each(|name| _ = fs::remove_file(views.join(name)));
-    Ok(leaves)
+    Ok((out.to_path_buf(), leaves))
 }
 
 /// Packs the field. One that is so faint that nothing would be left is packed with all of its leaves.
@@ -419,7 +424,6 @@ mod tests {
             height: 1,
             photographed: vec![[0; 3]],
             rendered: vec![[0; 3]],
-            ..Comparison::default()
         };
         write(&out, &field(), &extraction(), &[preview], &json!({ "of": "b" })).unwrap();
         let report =
@@ -437,7 +441,7 @@ mod tests {
         let (min, max) = (glam::DVec3::splat(-0.1), glam::DVec3::splat(0.1));
         let settings = BakeSettings { depth: 2, min, max, basis: Basis::Rgba, directions: 8, ..Default::default() };
         let haze = bake(&settings, |_| 0.02, |_| |_| glam::DVec3::ONE).unwrap();
-        assert_eq!(write(&out, &haze, &extraction(), &[], &json!({})).unwrap(), haze.leaves());
+        assert_eq!(write(&out, &haze, &extraction(), &[], &json!({})).unwrap(), (out.clone(), haze.leaves()));
         assert!(out.exists() && !folder.path().join("haze.npz").exists());
     }
 

@@ -16,6 +16,7 @@ mod stand;
 mod suspects;
 mod to_field;
 mod train;
+mod transforms;
 mod turned_box;
 
 pub use error::FitError;
@@ -27,3 +28,4 @@ pub use report::{FitReport, HeldOut, RoundReport, Seconds, StageReport, Suspicio
 pub use run::{Fitted, fit};
 pub use settings::FitSettings;
 pub use simplify::{SimplifySettings, simplify};
+pub use transforms::{Transforms, read_transforms};

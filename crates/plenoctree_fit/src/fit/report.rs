@@ -68,9 +68,9 @@ pub struct ViewReport {
     pub name: String,
     /// PSNR, in decibels.
     pub psnr_db: f64,
-    /// Structural similarity.
+    /// Structural similarity, at most 1: the mean over all pixels and channels, in Gaussian windows of 11 x 11 pixels.
     pub ssim: f64,
-    /// PSNR after the exposure is matched.
+    /// PSNR after the exposure is matched: each channel multiplied by the best factor.
     pub aligned_psnr_db: f64,
 }
 

@@ -344,13 +344,8 @@ fn measure(
             break;
         }
         let loaded = load(view, index, settings)?;
-        let compared = compare(field, backdrop, &view.name, &loaded.camera, &loaded.picture);
-        held_out.views.push(ViewReport {
-            name: view.name.clone(),
-            psnr_db: compared.psnr,
-            ssim: compared.ssim,
-            aligned_psnr_db: compared.aligned_psnr,
-        });
+        let (compared, report) = compare(field, backdrop, &view.name, &loaded.camera, &loaded.picture);
+        held_out.views.push(report);
         if index.is_multiple_of(every) {
             previews.push(compared);
         }

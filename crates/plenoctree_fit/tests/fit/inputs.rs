@@ -33,7 +33,7 @@ fn colmap_models_have_the_same_cameras() {
             6,
             "FULL_OPENCV",
             rational.into(),
-            Distortion::Rational { radial: [0.1, 0.2, 0.03, 0.04, 0.05, 0.06], tangential: [0.01, 0.02] },
+            Distortion::Radial { radial: [0.1, 0.2, 0.03, 0.0], divisor: [0.04, 0.05, 0.06], tangential: [0.01, 0.02] },
         ),
         (14, "SIMPLE_FISHEYE", vec![focal, 20.0, 20.0], Distortion::Fisheye([0.0; 4])),
         (15, "FISHEYE", vec![focal, focal, 20.0, 20.0], Distortion::Fisheye([0.0; 4])),
@@ -63,7 +63,7 @@ fn colmap_models_have_the_same_cameras() {
 }
 
 fn radial([k1, k2]: [f64; 2], tangential: [f64; 2]) -> Distortion {
-    Distortion::Radial { radial: [k1, k2, 0.0, 0.0], tangential }
+    Distortion::Radial { radial: [k1, k2, 0.0, 0.0], divisor: [0.0; 3], tangential }
 }
 
 /// Pictures that are scaled copies of those whose cameras were found have the same rays, and a note says so.
@@ -132,7 +132,8 @@ fn masks_and_downscaling_keep_colors() {
     assert_eq!(half.pixels, [[100, 50, 25, 128]; 2]);
 }
 
-/// Masks that differ from frame to frame show the object, unlike in nerfstudio, and a note says so.
+/// Masks that differ from frame to frame show the object, unlike in nerfstudio, and a note says so. Those of a folder
+/// replace them, even if they are gone.
 #[test]
 fn masks_of_single_frames_are_noted() {
     let folder = folder("own_masks");
@@ -148,6 +149,13 @@ fn masks_of_single_frames_are_noted() {
     assert!(input.views[0].mask.is_some() && input.ignored.is_none());
     assert_eq!(input.notes.len(), 1);
     assert!(input.notes[0].starts_with("2 of 3 frames have masks of their own"), "{:?}", input.notes);
+
+    fs::remove_file(folder.join("mask_0.png")).unwrap();
+    let masks = folder.join("masks");
+    fs::create_dir_all(&masks).unwrap();
+    (0..3).for_each(|index| mask.save(masks.join(format!("v_{index}.png"))).unwrap());
+    let input = FitInput::read(&folder, &InputFolders { masks: Some(masks.clone()), ..Default::default() }).unwrap();
+    assert!(input.views.iter().all(|view| view.mask.as_ref().unwrap().starts_with(&masks)) && input.notes.is_empty());
 }
 
 /// Masks may consist of zeros and ones, be an opacity, and be in the same folders as their pictures.

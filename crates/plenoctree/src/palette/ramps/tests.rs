@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use super::{soft::shares, *};
 use crate::{
     bake::{BakeSettings, bake},
-    field::PlenOctree,
+    field::{Basis, PlenOctree},
     palette::{PaletteLabel, oklab::oklab},
     sampling::{Canceled, Progress, SamplingSettings, ViewRays},
 };
@@ -86,7 +86,7 @@ fn ramps_need_no_weights() {
 fn borders_tell_whose_shadow_it_is() {
     let (tan, slate, shadow) = ([0.76, 0.66, 0.52], [0.36, 0.46, 0.58], [0.36, 0.35, 0.35]);
     let mut palette = Palette::new(vec![tan, slate, shadow]).unwrap();
-    let settings = BakeSettings { depth: 6, ..Default::default() };
+    let settings = BakeSettings { depth: 6, basis: Basis::Rgba, directions: 1, ..Default::default() };
     for owner in [0, 1] {
         // Two balls, side by side. One of them is in shadow on the right.
         let ball = |at: DVec3| if at.x < 0.0 { 0 } else { 1 };
@@ -106,7 +106,7 @@ fn borders_tell_whose_shadow_it_is() {
 
 /// Returns a ball with a color at each place.
 fn ball(color: impl Fn(DVec3) -> [f64; 3] + Sync) -> PlenOctree {
-    let settings = BakeSettings { depth: 6, ..Default::default() };
+    let settings = BakeSettings { depth: 6, basis: Basis::Rgba, directions: 1, ..Default::default() };
     let density = |at: DVec3| if at.length() < 0.8 { 1e3 } else { 0.0 };
     bake(&settings, density, |at: DVec3| {
         let color = DVec3::from(color(at));
@@ -166,7 +166,7 @@ fn small_parts_are_one_ramp() {
 
 #[test]
 fn any_number_of_threads_finds_the_same_ramps() {
-    let settings = BakeSettings { depth: 5, ..Default::default() };
+    let settings = BakeSettings { depth: 5, basis: Basis::Rgba, directions: 1, ..Default::default() };
     let density = |at: DVec3| 50.0 * (0.9 - at.length()).max(0.0);
     let field = bake(&settings, density, |at: DVec3| move |_| 0.5 + 0.4 * (5.0 * at).map(f64::sin)).unwrap();
     let on = |threads: usize| {

@@ -184,7 +184,7 @@ fn lens(camera: u64, model: &str, p: &[f64]) -> Result<Lens, Fault> {
     }
     let radial = |k1, k2, p1, p2| match [k1, k2, p1, p2] {
         [0.0, 0.0, 0.0, 0.0] => Distortion::None,
-        _ => Distortion::Radial { radial: [k1, k2, 0.0, 0.0], tangential: [p1, p2] },
+        _ => Distortion::Radial { radial: [k1, k2, 0.0, 0.0], divisor: [0.0; 3], tangential: [p1, p2] },
     };
     let one_focal = || (DVec2::splat(p[0]), DVec2::new(p[1], p[2]));
     let two_focals = || (DVec2::new(p[0], p[1]), DVec2::new(p[2], p[3]));
@@ -196,8 +196,8 @@ fn lens(camera: u64, model: &str, p: &[f64]) -> Result<Lens, Fault> {
         "OPENCV" => (two_focals(), radial(p[4], p[5], p[6], p[7])),
         "OPENCV_FISHEYE" => (two_focals(), Distortion::Fisheye([p[4], p[5], p[6], p[7]])),
         "FULL_OPENCV" => {
-            let (radial, tangential) = ([p[4], p[5], p[8], p[9], p[10], p[11]], [p[6], p[7]]);
-            (two_focals(), Distortion::Rational { radial, tangential })
+            let (radial, divisor) = ([p[4], p[5], p[8], 0.0], [p[9], p[10], p[11]]);
+            (two_focals(), Distortion::Radial { radial, divisor, tangential: [p[6], p[7]] })
         }
         "SIMPLE_FISHEYE" => (one_focal(), Distortion::Fisheye([0.0; 4])),
         "FISHEYE" => (two_focals(), Distortion::Fisheye([0.0; 4])),

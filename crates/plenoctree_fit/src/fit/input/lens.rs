@@ -7,17 +7,12 @@ use glam::{DVec2, DVec3};
 pub enum Distortion {
     /// No distortion.
     None,
-    /// OpenCV's model: `radial` are k1 to k4 of a polynomial in the squared radius, `tangential` p1 and p2.
+    /// OpenCV's models: a polynomial in the squared radius, in its rational model divided by another.
     Radial {
-        /// k1 to k4.
+        /// The coefficients of the polynomial: k1 to k4, or of the rational model, k1 to k3 and 0.
         radial: [f64; 4],
-        /// p1 and p2.
-        tangential: [f64; 2],
-    },
-    /// OpenCV's rational model: a polynomial in the squared radius, divided by another.
-    Rational {
-        /// k1 to k6.
-        radial: [f64; 6],
+        /// Those of the divisor: zeros, or of the rational model, k4 to k6.
+        divisor: [f64; 3],
         /// p1 and p2.
         tangential: [f64; 2],
     },
@@ -55,9 +50,8 @@ impl Lens {
             }
             _ if direction.z <= 1e-9 => return None,
             Distortion::None => direction.truncate() / direction.z,
-            Distortion::Radial { radial, tangential } => bend(radial, tangential, direction.truncate() / direction.z),
-            Distortion::Rational { radial, tangential } => {
-                bend_rational(radial, tangential, direction.truncate() / direction.z)
+            Distortion::Radial { radial, divisor, tangential } => {
+                bend(radial, divisor, tangential, direction.truncate() / direction.z)
             }
         };
         Some(self.center + self.focal * bent)
@@ -69,12 +63,8 @@ impl Lens {
         let bent = (point - self.center) / self.focal;
         match self.distortion {
             Distortion::None => Some(bent.extend(1.0)),
-            Distortion::Radial { radial, tangential } => {
-                let straight = solve(bent, |at| bend(radial, tangential, at))?;
-                Some(straight.extend(1.0))
-            }
-            Distortion::Rational { radial, tangential } => {
-                let straight = solve(bent, |at| bend_rational(radial, tangential, at))?;
+            Distortion::Radial { radial, divisor, tangential } => {
+                let straight = solve(bent, |at| bend(radial, divisor, tangential, at))?;
                 Some(straight.extend(1.0))
             }
             Distortion::Fisheye(k) => {
@@ -106,22 +96,12 @@ impl Lens {
     }
 }
 
-fn bend([k1, k2, k3, k4]: [f64; 4], tangential: [f64; 2], at: DVec2) -> DVec2 {
+fn bend(radial: [f64; 4], divisor: [f64; 3], [p1, p2]: [f64; 2], at: DVec2) -> DVec2 {
     let r2 = at.length_squared();
-    shifted(1.0 + r2 * (k1 + r2 * (k2 + r2 * (k3 + r2 * k4))), tangential, at)
-}
-
-fn bend_rational([k1, k2, k3, k4, k5, k6]: [f64; 6], tangential: [f64; 2], at: DVec2) -> DVec2 {
-    let r2 = at.length_squared();
-    let polynomial = |[a, b, c]: [f64; 3]| 1.0 + r2 * (a + r2 * (b + r2 * c));
-    shifted(polynomial([k1, k2, k3]) / polynomial([k4, k5, k6]), tangential, at)
-}
-
-/// Scales a point, and adds the tangential distortion.
-fn shifted(radial: f64, [p1, p2]: [f64; 2], at: DVec2) -> DVec2 {
-    let r2 = at.length_squared();
+    let polynomial = |terms: &[f64]| 1.0 + terms.iter().rev().fold(0.0, |sum, term| r2 * (term + sum));
+    let scale = polynomial(&radial) / polynomial(&divisor);
     let DVec2 { x, y } = at;
-    radial * at + DVec2::new(2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y)
+    scale * at + DVec2::new(2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y)
 }
 
 fn fisheye([k1, k2, k3, k4]: [f64; 4], angle: f64) -> f64 {
@@ -162,11 +142,11 @@ mod tests {
             x in 0.0..640.0, y in 0.0..480.0,
             k in prop::array::uniform4(-0.04..0.08), p in prop::array::uniform2(-0.01..0.01),
         ) {
-            let rational = [k[0], k[1], k[2], k[3], 0.5 * k[0], 0.5 * k[1]];
+            let (rational, by) = ([k[0], k[1], k[2], 0.0], [k[3], 0.5 * k[0], 0.5 * k[1]]);
             for distortion in [
                 Distortion::None,
-                Distortion::Radial { radial: k, tangential: p },
-                Distortion::Rational { radial: rational, tangential: p },
+                Distortion::Radial { radial: k, divisor: [0.0; 3], tangential: p },
+                Distortion::Radial { radial: rational, divisor: by, tangential: p },
                 Distortion::Fisheye(k.map(|k| k / 4.0)),
             ] {
                 let lens = Lens { focal: DVec2::new(420.0, 400.0), center: DVec2::new(310.0, 250.0), distortion };
@@ -181,10 +161,10 @@ mod tests {
     /// hand.
     #[test]
     fn distortion_is_that_of_opencv() {
-        let lens = Lens {
+        let lens = |divisor| Lens {
             focal: DVec2::splat(100.0),
             center: DVec2::splat(50.0),
-            distortion: Distortion::Radial { radial: [0.1, -0.05, 0.02, 0.0], tangential: [0.01, -0.02] },
+            distortion: Distortion::Radial { radial: [0.1, -0.05, 0.02, 0.0], divisor, tangential: [0.01, -0.02] },
         };
         let (x, y, r2) = (0.3, -0.2, 0.13f64);
         let radial = 1.0 + 0.1 * r2 - 0.05 * r2 * r2 + 0.02 * r2 * r2 * r2;
@@ -192,14 +172,12 @@ mod tests {
             50.0 + 100.0 * (x * radial + 2.0 * 0.01 * x * y - 0.02 * (r2 + 2.0 * x * x)),
             50.0 + 100.0 * (y * radial + 0.01 * (r2 + 2.0 * y * y) + 2.0 * -0.02 * x * y),
         );
-        let found = lens.project(DVec3::new(0.6, -0.4, 2.0)).unwrap();
+        let found = lens([0.0; 3]).project(DVec3::new(0.6, -0.4, 2.0)).unwrap();
         assert!((found - expected).length() < 1e-12, "{found} {expected}");
         // With k4 to k6 of 0.3, -0.1 and 0.05.
-        let distortion =
-            Distortion::Rational { radial: [0.1, -0.05, 0.02, 0.3, -0.1, 0.05], tangential: [0.01, -0.02] };
         let divisor = 1.0 + 0.3 * r2 - 0.1 * r2 * r2 + 0.05 * r2 * r2 * r2;
         let expected = expected + 100.0 * (radial / divisor - radial) * DVec2::new(x, y);
-        let found = Lens { distortion, ..lens }.project(DVec3::new(0.6, -0.4, 2.0)).unwrap();
+        let found = lens([0.3, -0.1, 0.05]).project(DVec3::new(0.6, -0.4, 2.0)).unwrap();
         assert!((found - expected).length() < 1e-12, "{found} {expected}");
     }
 }

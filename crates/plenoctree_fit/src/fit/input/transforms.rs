@@ -14,9 +14,11 @@ use super::{
     view::{CameraMaker, View},
 };
 use crate::{
-    file::{Fault, ply::Ply, without_mark},
-    fit::error::FitError,
-    transforms::{Camera, File, Frame, WrongValue, pose},
+    file::{Fault, ply::Ply},
+    fit::{
+        error::FitError,
+        transforms::{Camera, File, Frame, WrongValue},
+    },
 };
 
 /// Extensions that the file names of pictures may lack, as in NeRF-synthetic.
@@ -24,9 +26,7 @@ const ENDINGS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
 
 /// Reads a file of cameras, and the sizes of their pictures.
 pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
-    let text = fs::read(path).map_err(FitError::io(path))?;
-    let file: File = serde_json::from_slice(without_mark(&text))
-        .map_err(|error| FitError::found(path, "file", error.to_string(), "a transforms.json file"))?;
+    let file = File::read(path)?;
     let mut maker = CameraMaker::default();
     let (mut frames, mut views, mut missing) = (Vec::new(), Vec::new(), Vec::new());
     for (index, frame) in file.frames.iter().enumerate() {
@@ -70,8 +70,7 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
             None => notes.push(format!("ply_file_path: no file {name}, so the points of the scene are not known")),
         }
     }
-    // nerfstudio writes the same mask to every frame, for parts of a lens or of a rig. Masks of objects differ. Those of a
-    // folder replace either.
+    // nerfstudio writes the same mask to every frame, for parts of a lens or of a rig. Masks of objects differ.
     let mut ignored = None;
     let mut masks = file.frames.iter().map(|frame| frame.mask_path.as_ref());
     if let Some(Some(first)) = masks.next()
@@ -85,7 +84,7 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
         }
     }
     let masked = views.iter().filter(|view| view.mask.is_some()).count();
-    if masked > 0 && folders.masks.is_none() {
+    if masked > 0 {
         let all = views.len();
         notes.push(format!(
             "{masked} of {all} frames have masks of their own: what is black in them counts as empty, while nerfstudio \
@@ -141,7 +140,8 @@ fn view(
     let name = frame.name().ok_or_else(|| fault("file_path", "nothing".into(), "the path of a picture"))?;
     let moved = folders.pictures.is_some();
     let Some(picture) = find(folder, name, moved) else { return Ok(Listed::Missing(folder.join(name))) };
-    let mask = match &frame.mask_path {
+    // Masks of a folder replace those that the file names.
+    let mask = match frame.mask_path.as_ref().filter(|_| folders.masks.is_none()) {
         Some(name) => Some(
             find(own, name, false)
                 .or_else(|| find(folder, name, moved))
@@ -149,9 +149,7 @@ fn view(
         ),
         None => None,
     };
-    let pose = pose(&frame.transform_matrix).map_err(|found| {
-        fault("transform_matrix", found, "a 4x4 camera-to-world matrix, a rotation and a translation")
-    })?;
+    let pose = frame.pose().map_err(|(key, found, expected)| fault(key, found, expected))?;
     let own = frame.camera.clone().or(common.clone());
     let size = picture::size(&picture)?;
     let stated = own.stated(size);
@@ -215,7 +213,7 @@ impl Camera {
         } else if k.iter().chain(&tangential).all(|&k| k == 0.0) {
             Distortion::None
         } else {
-            Distortion::Radial { radial: k, tangential }
+            Distortion::Radial { radial: k, divisor: [0.0; 3], tangential }
         };
         Ok(Lens { focal, center, distortion })
     }

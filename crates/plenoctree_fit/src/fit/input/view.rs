@@ -256,7 +256,7 @@ mod tests {
     #[test]
     fn distorted_rays_are_accurate() {
         for distortion in [
-            Distortion::Radial { radial: [-0.25, 0.07, 0.0, 0.0], tangential: [1e-3, -2e-3] },
+            Distortion::Radial { radial: [-0.25, 0.07, 0.0, 0.0], divisor: [0.0; 3], tangential: [1e-3, -2e-3] },
             Distortion::Fisheye([0.03, -0.01, 2e-3, 0.0]),
         ] {
             for scale in [1, 10] {
@@ -325,7 +325,7 @@ mod tests {
     /// Cameras with the same lens share its directions, and those of a photograph of 12 megapixels take less than 3 MB.
     #[test]
     fn lenses_are_shared() {
-        let distortion = Distortion::Radial { radial: [-0.1, 0.0, 0.0, 0.0], tangential: [0.0; 2] };
+        let distortion = Distortion::Radial { radial: [-0.1, 0.0, 0.0, 0.0], divisor: [0.0; 3], tangential: [0.0; 2] };
         let lens = Lens { focal: DVec2::splat(3000.0), center: DVec2::new(2000.0, 1500.0), distortion };
         let mut maker = CameraMaker::default();
         let mut table = |focal: f64| {

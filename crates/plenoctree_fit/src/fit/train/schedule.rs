@@ -116,8 +116,6 @@ impl Schedule {
                     rates: Rates { constant: 0.25, directional: 0.08, thickness: 0.06 },
                     thin: 0.0,
                     penalties,
-                    decay: 0.99,
-                    floor: 1e-8,
                 },
                 last: Rates { constant: 0.02, directional: 0.006, thickness: 0.004 },
             })
@@ -147,7 +145,6 @@ impl Stage {
             rates: Rates { constant: 0.04, directional: 0.007, thickness: 3e-3 },
             thin: THIN,
             penalties: Penalties { variation: 0.0, presence: 0.0, direction: 0.0, color: 0.0 },
-            ..whole.optimizer
         };
         whole.last.thickness = 5e-4;
         let rates = |round: u32| whole.rates(f64::from(round) / f64::from(ROUNDS));
@@ -179,8 +176,6 @@ impl Stage {
                 rates: Rates { constant: 0.06, directional: 0.02, thickness: 0.015 },
                 thin: 0.0,
                 penalties: Penalties { variation: 2e-5, presence: 5e-5, direction: 0.0, color: 0.0 },
-                decay: 0.99,
-                floor: 1e-8,
             },
             last: Rates { constant: 0.01, directional: 0.003, thickness: 0.002 },
         }

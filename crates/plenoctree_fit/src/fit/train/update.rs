@@ -44,11 +44,12 @@ pub struct Optimizer {
     /// The thickness below which the rate of the thickness falls in proportion, so that steps do not empty thin voxels.
     pub thin: f32,
     pub penalties: Penalties,
-    /// Decay of the mean square of the gradient.
-    pub decay: f32,
-    /// Added to the root of the mean square, so that much smaller gradients are followed more slowly.
-    pub floor: f32,
 }
+
+/// Decay of the mean square of the gradient.
+const DECAY: f32 = 0.99;
+/// Added to the root of the mean square, so that much smaller gradients are followed more slowly.
+const FLOOR: f32 = 1e-8;
 
 /// What voxels compare themselves with: the values of all voxels before the batch.
 struct Neighbors<'a> {
@@ -123,7 +124,7 @@ fn step<const B: usize>(
     old: &Neighbors,
     optimizer: &Optimizer,
 ) {
-    let Optimizer { rates, thin, penalties, decay, floor } = *optimizer;
+    let Optimizer { rates, thin, penalties } = *optimizer;
     let own = values[0].w;
     let mut slope = 0.0;
     for &neighbor in neighbors {
@@ -151,10 +152,10 @@ fn step<const B: usize>(
     let mut power: Vec4 = sums.iter().map(|sum| *sum * *sum).sum::<Vec4>() / B as f32;
     power.w = sums[0].w * sums[0].w;
     // A plain mean at first.
-    let decay = decay.min(f32::from(*updates) / (f32::from(*updates) + 1.0));
+    let decay = DECAY.min(f32::from(*updates) / (f32::from(*updates) + 1.0));
     *updates = updates.saturating_add(1);
     *square = decay * *square + (1.0 - decay) * power;
-    let scale = (Vec4::from_array(square.to_array().map(f32::sqrt)) + Vec4::splat(floor)).recip();
+    let scale = (Vec4::from_array(square.to_array().map(f32::sqrt)) + Vec4::splat(FLOOR)).recip();
 
     let thickness = if own < thin { rates.thickness * own / thin } else { rates.thickness };
     let constant = Vec4::new(rates.constant, rates.constant, rates.constant, thickness);

@@ -42,15 +42,8 @@ struct Header {
     flags: u8,
 }
 
-/// The bytes of every property.
-struct Planes {
-    positions: Vec<u8>,
-    opacities: Vec<u8>,
-    colors: Vec<u8>,
-    scales: Vec<u8>,
-    rotations: Vec<u8>,
-    harmonics: Vec<u8>,
-}
+/// The bytes of every property: positions, opacities, colors, scales, rotations and harmonics.
+type Planes = [Vec<u8>; 6];
 
 /// Reads a file. Its axes become those of `.ply` files.
 pub fn read(bytes: &[u8], axes: SpzAxes) -> Result<Splats, Fault> {
@@ -68,7 +61,7 @@ pub fn read(bytes: &[u8], axes: SpzAxes) -> Result<Splats, Fault> {
 /// Reads a file, and the axes that it records.
 pub fn read_as_stored(bytes: &[u8]) -> Result<(Splats, Option<u32>), Fault> {
     let (header, planes, extensions) = if bytes.starts_with(&MAGIC) { read_streams(bytes)? } else { read_gzip(bytes)? };
-    Ok((unpack(&header, &planes), recorded_axes(&extensions)))
+    Ok((unpack(&header, planes), recorded_axes(&extensions)))
 }
 
 /// Parses the part of the header that all versions have, without the magic.
@@ -102,12 +95,6 @@ impl Header {
     }
 }
 
-impl Planes {
-    fn new([positions, opacities, colors, scales, rotations, harmonics]: [Vec<u8>; 6]) -> Self {
-        Self { positions, opacities, colors, scales, rotations, harmonics }
-    }
-}
-
 /// Reads versions 2 and 3: one gzip stream.
 fn read_gzip(bytes: &[u8]) -> Result<(Header, Planes, Vec<u8>), Fault> {
     let mut inflated = GzDecoder::new(bytes);
@@ -122,7 +109,7 @@ fn read_gzip(bytes: &[u8]) -> Result<(Header, Planes, Vec<u8>), Fault> {
         return Err(Fault::found("version", header.version.to_string(), "2 or 3 in a gzip stream"));
     }
     let names = ["positions", "opacities", "colors", "scales", "rotations", "harmonics"];
-    let mut planes: [Vec<u8>; 6] = Default::default();
+    let mut planes = Planes::default();
     for ((plane, size), name) in planes.iter_mut().zip(header.sizes()).zip(names) {
         read_exactly(&mut inflated, header.count * size, plane, name)?;
     }
@@ -135,7 +122,7 @@ fn read_gzip(bytes: &[u8]) -> Result<(Header, Planes, Vec<u8>), Fault> {
     if extensions.len() as u64 > MAX_EXTENSIONS {
         return Err(Fault::found("extensions", "more", format!("at most {MAX_EXTENSIONS} bytes")));
     }
-    Ok((header, Planes::new(planes), extensions))
+    Ok((header, planes, extensions))
 }
 
 /// Reads version 4: a zstd stream for each property.
@@ -168,7 +155,7 @@ fn read_streams(bytes: &[u8]) -> Result<(Header, Planes, Vec<u8>), Fault> {
     for _ in 0..streams {
         entries.push((rest.u64("table of contents")?, rest.u64("table of contents")?));
     }
-    let mut planes: [Vec<u8>; 6] = Default::default();
+    let mut planes = Planes::default();
     for (index, ((packed, unpacked), size)) in entries.into_iter().zip(sizes).enumerate() {
         let what = format!("stream {index}");
         let expected = header.count * size;
@@ -181,7 +168,7 @@ fn read_streams(bytes: &[u8]) -> Result<(Header, Planes, Vec<u8>), Fault> {
         read_exactly(&mut decoder, expected, &mut planes[index], &what)?;
     }
     let extensions = if header.flags & EXTENSIONS != 0 { extensions.to_vec() } else { Vec::new() };
-    Ok((header, Planes::new(planes), extensions))
+    Ok((header, planes, extensions))
 }
 
 /// Reads `count` bytes. Memory grows with the bytes that exist, not with the expected number.
@@ -197,7 +184,8 @@ fn read_exactly(reader: &mut impl Read, count: usize, into: &mut Vec<u8>, what: 
     }
 }
 
-fn unpack(header: &Header, planes: &Planes) -> Splats {
+fn unpack(header: &Header, planes: Planes) -> Splats {
+    let [positions, opacities, colors, scales, rotations, harmonics] = planes;
     let mut splats = Splats::new(header.degree);
     splats.set_antialiased(header.flags & ANTIALIASED != 0);
     splats.reserve(header.count);
@@ -205,26 +193,26 @@ fn unpack(header: &Header, planes: &Planes) -> Splats {
     let [.., rotation_size, stored] = header.sizes();
     let mut coefficients = [Vec3::ZERO; 16];
     for index in 0..header.count {
-        let position = &planes.positions[9 * index..][..9];
+        let position = &positions[9 * index..][..9];
         let coordinate = |axis: usize| {
             let [a, b, c] = [0, 1, 2].map(|byte| position[3 * axis + byte]);
             // The sign is in the highest of 24 bits.
             (i32::from_le_bytes([0, a, b, c]) >> 8) as f32 * unit
         };
         let triple = |plane: &[u8]| [0, 1, 2].map(|byte| f32::from(plane[3 * index + byte]));
-        let rotation = &planes.rotations[rotation_size * index..][..rotation_size];
+        let rotation = &rotations[rotation_size * index..][..rotation_size];
         let gaussian = Gaussian {
             position: Vec3::new(coordinate(0), coordinate(1), coordinate(2)),
-            scale: Vec3::from_array(triple(&planes.scales).map(|log| (log / 16.0 - 10.0).exp())),
+            scale: Vec3::from_array(triple(&scales).map(|log| (log / 16.0 - 10.0).exp())),
             rotation: match *rotation {
                 [x, y, z] => first_three([x, y, z]),
                 [a, b, c, d] => smallest_three(u32::from_le_bytes([a, b, c, d])),
                 _ => Quat::IDENTITY,
             },
-            opacity: f32::from(planes.opacities[index]) / 255.0,
+            opacity: f32::from(opacities[index]) / 255.0,
         };
-        coefficients[0] = Vec3::from_array(triple(&planes.colors).map(|byte| (byte / 255.0 - 0.5) / COLOR_SCALE));
-        let rest = planes.harmonics[stored * index..][..stored].chunks_exact(3);
+        coefficients[0] = Vec3::from_array(triple(&colors).map(|byte| (byte / 255.0 - 0.5) / COLOR_SCALE));
+        let rest = harmonics[stored * index..][..stored].chunks_exact(3);
         for (coefficient, bytes) in coefficients[1..].iter_mut().zip(rest) {
             *coefficient = Vec3::from_array([0, 1, 2].map(|channel| (f32::from(bytes[channel]) - 128.0) / 128.0));
         }

@@ -1,7 +1,7 @@
 //! Reads the camera files of NeRF, nerfstudio and instant-ngp.
 
 use std::{
-    fs, io,
+    fs,
     ops::RangeInclusive,
     path::{Path, PathBuf},
 };
@@ -10,40 +10,8 @@ use glam::{DMat3, DMat4, DVec2, DVec4};
 use plenoctree::camera::PinholeCamera;
 use serde::Deserialize;
 
+use super::error::FitError;
 use crate::file::without_mark;
-
-/// An error that occurs when reading a camera file.
-#[derive(Debug, thiserror::Error)]
-pub enum CameraError {
-    /// The file could not be read.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// Path of the file.
-        path: PathBuf,
-        /// The error of the operating system.
-        source: io::Error,
-    },
-    /// The file is not JSON, or a value has the wrong type.
-    #[error("{}: not a transforms.json: {source}", path.display())]
-    Json {
-        /// Path of the file.
-        path: PathBuf,
-        /// The error of the parser.
-        source: serde_json::Error,
-    },
-    /// A key is missing, or its value is invalid.
-    #[error("{}: {key}: found {found}, expected {expected}", path.display())]
-    Value {
-        /// Path of the file.
-        path: PathBuf,
-        /// Name of the key.
-        key: String,
-        /// The value found.
-        found: String,
-        /// The value expected.
-        expected: &'static str,
-    },
-}
 
 /// A key of the file, what was found there, and what was expected.
 pub(crate) type WrongValue = (&'static str, String, &'static str);
@@ -187,13 +155,46 @@ pub(crate) struct Frame {
     file_path: Option<String>,
     file: Option<String>,
     pub mask_path: Option<String>,
-    pub transform_matrix: Vec<Vec<f64>>,
+    transform_matrix: Vec<Vec<f64>>,
+}
+
+impl File {
+    pub fn read(path: &Path) -> Result<Self, FitError> {
+        let text = fs::read(path).map_err(FitError::io(path))?;
+        serde_json::from_slice(without_mark(&text))
+            .map_err(|error| FitError::found(path, "file", error.to_string(), "a transforms.json file"))
+    }
 }
 
 impl Frame {
     /// Returns the path of the picture.
     pub fn name(&self) -> Option<&String> {
         self.file_path.as_ref().or(self.file.as_ref())
+    }
+
+    /// Returns the camera's pose, a pure rotation and a translation.
+    pub fn pose(&self) -> Result<DMat4, WrongValue> {
+        let rows = &self.transform_matrix;
+        let wrong =
+            |found| Err(("transform_matrix", found, "a 4x4 camera-to-world matrix, a rotation and a translation"));
+        if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
+            return wrong(format!("{} rows of {} values", rows.len(), rows.first().map_or(0, Vec::len)));
+        }
+        let row = |i: usize| DVec4::from_slice(&rows[i]);
+        let matrix = DMat4::from_cols(row(0), row(1), row(2), DVec4::W).transpose();
+        if !matrix.as_mat4().is_finite() {
+            return wrong("a number beyond the range of float32".into());
+        }
+        let axes = DMat3::from_mat4(matrix);
+        let determinant = axes.determinant();
+        let rotation = axes * determinant.cbrt().recip();
+        let skew = rotation * rotation.transpose() - DMat3::IDENTITY;
+        if determinant <= 0.0 || !skew.to_cols_array().iter().all(|x| x.abs() < 1e-2) {
+            return wrong(format!("axes that are not a rotation (determinant {determinant:.3})"));
+        }
+        let mut pose = DMat4::from_mat3(rotation);
+        pose.w_axis = matrix.w_axis;
+        Ok(pose)
     }
 }
 
@@ -222,7 +223,7 @@ const MAX_CENTER: f64 = 1e9;
 /// # Errors
 ///
 /// Returns the same errors.
-pub fn read_transforms(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Result<Vec<PinholeCamera>, CameraError> {
+pub fn read_transforms(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Result<Vec<PinholeCamera>, FitError> {
     Ok(Transforms::read(path, size)?.cameras)
 }
 
@@ -245,24 +246,19 @@ impl Transforms {
     ///
     /// Returns an error if the file cannot be read, is not valid JSON, has no frames, or has a missing or out-of-range
     /// value.
-    pub fn read(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Result<Self, CameraError> {
+    pub fn read(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Result<Self, FitError> {
         let path = path.as_ref();
-        let text = fs::read(path).map_err(|source| CameraError::Io { path: path.into(), source })?;
-        let file: File = serde_json::from_slice(without_mark(&text))
-            .map_err(|source| CameraError::Json { path: path.into(), source })?;
-        let value =
-            |key: String, found: String, expected| CameraError::Value { path: path.into(), key, found, expected };
+        let file = File::read(path)?;
         if file.frames.is_empty() {
-            return Err(value("frames".into(), "none".into(), "at least one"));
+            return Err(FitError::found(path, "frames", "none", "at least one"));
         }
         let cameras: Result<_, _> = (file.frames.iter().enumerate())
             .map(|(index, frame)| {
-                let pose = pose(&frame.transform_matrix).map_err(|found| {
-                    let key = format!("frames[{index}].transform_matrix");
-                    value(key, found, "a 4x4 camera-to-world matrix, a rotation and a translation")
+                let pose = frame.pose().map_err(|(key, found, expected)| {
+                    FitError::found(path, format!("frames[{index}].{key}"), found, expected)
                 })?;
                 pinhole(frame.camera.intrinsics.or(file.camera.intrinsics), pose, size)
-                    .map_err(|(key, found, expected)| value(key.into(), found, expected))
+                    .map_err(|(key, found, expected)| FitError::found(path, key, found, expected))
             })
             .collect();
         let name = |frame: &Frame| Some(path.with_file_name(frame.name()?));
@@ -272,28 +268,6 @@ impl Transforms {
             is_distorted: file.camera.distorts() || file.frames.iter().any(|frame| frame.camera.distorts()),
         })
     }
-}
-
-/// Makes the matrix a pure rotation and a translation. If that is impossible, returns what was found instead.
-pub(crate) fn pose(rows: &[Vec<f64>]) -> Result<DMat4, String> {
-    if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
-        return Err(format!("{} rows of {} values", rows.len(), rows.first().map_or(0, Vec::len)));
-    }
-    let row = |i: usize| DVec4::from_slice(&rows[i]);
-    let matrix = DMat4::from_cols(row(0), row(1), row(2), DVec4::W).transpose();
-    if !matrix.as_mat4().is_finite() {
-        return Err("a number beyond the range of float32".into());
-    }
-    let axes = DMat3::from_mat4(matrix);
-    let determinant = axes.determinant();
-    let rotation = axes * determinant.cbrt().recip();
-    let skew = rotation * rotation.transpose() - DMat3::IDENTITY;
-    if determinant <= 0.0 || !skew.to_cols_array().iter().all(|x| x.abs() < 1e-2) {
-        return Err(format!("axes that are not a rotation (determinant {determinant:.3})"));
-    }
-    let mut pose = DMat4::from_mat3(rotation);
-    pose.w_axis = matrix.w_axis;
-    Ok(pose)
 }
 
 fn pinhole(given: Intrinsics, pose: DMat4, size: Option<(u32, u32)>) -> Result<PinholeCamera, WrongValue> {
@@ -330,7 +304,7 @@ fn pinhole(given: Intrinsics, pose: DMat4, size: Option<(u32, u32)>) -> Result<P
 mod tests {
     use super::*;
 
-    fn read(json: &str, size: Option<(u32, u32)>) -> Result<Vec<PinholeCamera>, CameraError> {
+    fn read(json: &str, size: Option<(u32, u32)>) -> Result<Vec<PinholeCamera>, FitError> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("transforms.json");
         fs::write(&path, json).unwrap();
