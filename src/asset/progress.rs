@@ -1,9 +1,12 @@
 //! How much of each file has been read.
 
 use std::{
-    collections::HashMap,
+    collections::{HashMap, hash_map::Entry},
     io::{self, SeekFrom},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicU32, Ordering},
+    },
 };
 
 use bevy::{
@@ -15,23 +18,29 @@ use bevy::{
 /// The number of bytes that are read at once, after which progress is counted.
 const CHUNK: usize = 1 << 18;
 
-/// The files that are being read, and the fraction of each that has been.
+/// The files that are being read, and the fraction of each that has been. A file may be read several times at once, with
+/// other settings.
 #[derive(Resource, Clone, Default)]
-pub(crate) struct FilesRead(Arc<Mutex<HashMap<AssetPath<'static>, f32>>>);
+pub(crate) struct FilesRead(Arc<Mutex<HashMap<AssetPath<'static>, Vec<Arc<Share>>>>>);
+
+/// A fraction from 0 to 1, as bits.
+type Share = AtomicU32;
 
 impl FilesRead {
     /// Returns the fraction of a file that has been read, from 0 to 1, or `None` if it is not being read.
     pub fn share(&self, file: &AssetPath<'static>) -> Option<f32> {
-        self.files().get(file).copied()
+        let share = |share: &Arc<Share>| f32::from_bits(share.load(Ordering::Relaxed));
+        self.files().get(file)?.iter().map(share).reduce(f32::min)
     }
 
     /// Watches a file until the result is dropped.
     pub(super) fn watch(&self, file: AssetPath<'static>) -> FileRead {
-        self.files().insert(file.clone(), 0.0);
-        FileRead { files: self.clone(), file }
+        let share = Arc::<Share>::default();
+        self.files().entry(file.clone()).or_default().push(share.clone());
+        FileRead { files: self.clone(), file, share }
     }
 
-    fn files(&self) -> MutexGuard<'_, HashMap<AssetPath<'static>, f32>> {
+    fn files(&self) -> MutexGuard<'_, HashMap<AssetPath<'static>, Vec<Arc<Share>>>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -40,6 +49,7 @@ impl FilesRead {
 pub(super) struct FileRead {
     files: FilesRead,
     file: AssetPath<'static>,
+    share: Arc<Share>,
 }
 
 impl FileRead {
@@ -59,19 +69,25 @@ impl FileRead {
                 }
                 bytes.extend_from_slice(&chunk[..read]);
                 let share = (bytes.len() as f64 / length.max(1) as f64).min(1.0) as f32;
-                self.files.files().insert(self.file.clone(), share);
+                self.share.store(share.to_bits(), Ordering::Relaxed);
             }
         } else {
             reader.read_to_end(&mut bytes).await?;
         }
-        self.files.files().insert(self.file.clone(), 1.0);
+        self.share.store(1f32.to_bits(), Ordering::Relaxed);
         Ok(bytes)
     }
 }
 
 impl Drop for FileRead {
     fn drop(&mut self) {
-        self.files.files().remove(&self.file);
+        let mut files = self.files.files();
+        if let Entry::Occupied(mut watched) = files.entry(self.file.clone()) {
+            watched.get_mut().retain(|share| !Arc::ptr_eq(share, &self.share));
+            if watched.get().is_empty() {
+                watched.remove();
+            }
+        }
     }
 }
 
@@ -93,5 +109,18 @@ mod tests {
             assert!(bytes == file && bytes.capacity() == length);
             assert_eq!(files.share(&path), Some(1.0));
         }
+    }
+
+    #[test]
+    fn the_slowest_of_several_counts() {
+        let (files, path) = (FilesRead::default(), AssetPath::from("toy.npz"));
+        let mut first = files.watch(path.clone());
+        let second = files.watch(path.clone());
+        block_on(first.read(&mut VecReader::new(vec![7; 9]))).unwrap();
+        assert_eq!(files.share(&path), Some(0.0));
+        drop(second);
+        assert_eq!(files.share(&path), Some(1.0));
+        drop(first);
+        assert_eq!(files.share(&path), None);
     }
 }

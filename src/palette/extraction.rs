@@ -61,8 +61,9 @@ pub struct PaletteExtraction {
     /// The settings of extractions. Extractions that are already running keep theirs. Those that failed are tried again
     /// with other settings.
     ///
-    /// Defaults to [`ExtractionSettings::default`]: tones, from all leaves. The method is that of the first posterized
-    /// prop or view of the field that names one ([`Posterize::method`](crate::Posterize::method)), unless the
+    /// Defaults to [`ExtractionSettings::default`]: tones, for which at most
+    /// [`ENOUGH_LEAVES`](ExtractionSettings::ENOUGH_LEAVES) leaves are sampled. The method is that of the first
+    /// posterized prop or view of the field that names one ([`Posterize::method`](crate::Posterize::method)), unless the
     /// extraction was [requested](Self::request). If all of them name other methods before the palette is ready, the
     /// extraction starts over.
     pub settings: ExtractionSettings,

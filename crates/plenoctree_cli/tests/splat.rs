@@ -137,7 +137,7 @@ fn captures_become_props_that_stand() {
     let capture = capture(&folder);
     let out = folder.join("out/prop.npz");
     let shared =
-        ["convert", &capture, "--out", text(&out), "--depth", "6", "--picture-size", "64", "--sample-fraction", "0.2"];
+        ["convert", &capture, "--out", text(&out), "--depth", "6", "--picture-size", "48", "--sample-fraction", "0.2"];
     let read = || PlenOctree::read(&out, &LoadSettings::default()).unwrap();
     let report = || -> Value { serde_json::from_slice(&fs::read(folder.join("out/report.json")).unwrap()).unwrap() };
     let psnr = |part: &str, background: &str| report()[part]["psnr_db"][background].as_f64().unwrap();

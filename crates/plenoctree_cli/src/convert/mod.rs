@@ -15,9 +15,9 @@ use plenoctree_fit::{
     FitError, RefineSettings, Refined, Shot, refine,
     splat::{SPLAT_BLUR, SplatImage, Splats, Subject, SubjectSettings, VoxelSettings, render_splats, voxelize},
 };
-use serde_json::json;
+use serde_json::{Value, json};
 
-use self::measure::{Pictures, Standard};
+use self::measure::{Measured, Pictures, Standard};
 use crate::{
     capture, console,
     fit::output,
@@ -120,8 +120,8 @@ pub fn run(arguments: &Arguments) -> Result {
     let start = Instant::now();
     let mut measured = standard.measure(&field);
     let voxelized = measured.json(&field);
-    let leaves = |field: &PlenOctree| counted(field.leaves(), "leaf", "leaves");
-    console::say!("voxelized: {}, {measured} in {:.1} s", leaves(&field), voxelizing.as_secs_f64());
+    let leaves = counted(field.leaves(), "leaf", "leaves");
+    console::say!("voxelized: {leaves}, {measured} in {:.1} s", voxelizing.as_secs_f64());
     measuring += start.elapsed();
     let (mut refined, mut refining) = (None, Duration::ZERO);
     if !arguments.no_refine {
@@ -139,45 +139,25 @@ pub fn run(arguments: &Arguments) -> Result {
                 time: arguments.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
                 seed: arguments.seed,
             };
-            let (Refined { field: better, before_psnr_db, rounds, kept }, before) =
-                interruption.watched(path, move |progress| {
-                    let refined = match refine(&field, &shots, &held_out, &settings, progress) {
-                        // The capture is too small to be in view.
-                        Err(FitError::Empty) => Refined::unchanged(&field),
-                        refined => refined?,
-                    };
-                    Ok((refined, field))
-                })?;
+            let (better, before) = interruption.watched(path, move |progress| {
+                match refine(&field, &shots, &held_out, &settings, progress) {
+                    // It is too small to be in view.
+                    Err(FitError::Empty) => Ok((None, field)),
+                    refined => Ok((Some(refined?), field)),
+                }
+            })?;
+            field = before;
             refining = start.elapsed();
             let start = Instant::now();
-            let after = standard.measure(&better);
-            let gains: Vec<String> =
-                rounds.iter().filter_map(|round| Some(format!("{:+.2}", round.gain_db?))).collect();
-            console::say!("refined: {}, {after} in {:.0} s", leaves(&better), refining.as_secs_f64());
-            let [whole, between, near] = after.gains(&measured);
-            let is_worse = near < -MOST_LOSS;
-            let kept = if is_worse { 0 } else { kept };
-            let all_rounds = counted(rounds.len(), "round", "rounds");
-            console::say!("{all_rounds}: {} dB, {kept} kept", gains.join(", "));
-            console::say!(
-                "gained over white: {whole:+.2} dB, from halfway {between:+.2} dB, from nearby {near:+.2} dB"
-            );
-            if kept == 0 {
-                field = before;
-                let reason = match () {
-                    () if is_worse => format!("refining loses {:.2} dB from nearby", -near),
-                    () if interruption.is_requested() => "stopped before refining paid off".into(),
-                    () => "refining gains nothing".into(),
-                };
-                console::complain!("warning: {reason}: the field is as voxelized");
-            } else {
-                (field, measured) = (better, after);
+            match better {
+                Some(better) => {
+                    let report;
+                    (field, measured, report) =
+                        choose((field, measured), better, refining, &standard, interruption.is_requested())?;
+                    refined = Some(report);
+                }
+                None => console::complain!("warning: refining sees nothing of the field: it is as voxelized"),
             }
-            let mut report = measured.json(&field);
-            report["before_psnr_db"] = before_psnr_db.into();
-            report["rounds"] = serde_json::to_value(&rounds)?;
-            report["kept"] = kept.into();
-            refined = Some(report);
             measuring += start.elapsed();
         }
     }
@@ -220,6 +200,41 @@ pub fn run(arguments: &Arguments) -> Result {
     let (file, written) = output::write(&arguments.out, &field, &arguments.extraction, measured.previews(), &report)?;
     console::say!("{}: {}", file.display(), counted(written, "leaf", "leaves"));
     Ok(())
+}
+
+/// Says what refining gained, and returns the field that is better, its measures and the report.
+fn choose(
+    (field, measured): (PlenOctree, Measured),
+    Refined { field: better, before_psnr_db, rounds, kept }: Refined,
+    refining: Duration,
+    standard: &Standard,
+    is_stopped: bool,
+) -> Result<(PlenOctree, Measured, Value)> {
+    let after = standard.measure(&better);
+    let gains: Vec<String> = rounds.iter().filter_map(|round| Some(format!("{:+.2}", round.gain_db?))).collect();
+    let leaves = counted(better.leaves(), "leaf", "leaves");
+    console::say!("refined: {leaves}, {after} in {:.0} s", refining.as_secs_f64());
+    let [whole, between, near] = after.gains(&measured);
+    let is_worse = near < -MOST_LOSS;
+    let kept = if is_worse { 0 } else { kept };
+    console::say!("{}: {} dB, {kept} kept", counted(rounds.len(), "round", "rounds"), gains.join(", "));
+    console::say!("gained over white: {whole:+.2} dB, from halfway {between:+.2} dB, from nearby {near:+.2} dB");
+    let (field, measured) = if kept == 0 {
+        let reason = match () {
+            () if is_worse => format!("refining loses {:.2} dB from nearby", -near),
+            () if is_stopped => "stopped before refining paid off".into(),
+            () => "refining gains nothing".into(),
+        };
+        console::complain!("warning: {reason}: the field is as voxelized");
+        (field, measured)
+    } else {
+        (better, after)
+    };
+    let mut report = measured.json(&field);
+    report["before_psnr_db"] = before_psnr_db.into();
+    report["rounds"] = serde_json::to_value(&rounds)?;
+    report["kept"] = kept.into();
+    Ok((field, measured, report))
 }
 
 /// Renders the capture, until it is interrupted, and returns what `keep` makes of the images.

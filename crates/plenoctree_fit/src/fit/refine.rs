@@ -82,13 +82,6 @@ pub struct Refined {
     pub kept: usize,
 }
 
-impl Refined {
-    /// Returns the result of no rounds.
-    pub fn unchanged(field: &PlenOctree) -> Self {
-        Self { field: field.clone(), before_psnr_db: None, rounds: Vec::new(), kept: 0 }
-    }
-}
-
 /// A grid that was refined.
 pub(super) struct RefinedGrid {
     pub grid: Grid,

@@ -169,7 +169,7 @@ fn pictures_may_exceed_the_memory() {
     // There are more tiles in four pictures than a stage trains on.
     let [all, four, one] = [32, 4, 1].map(|pictures| {
         let picture_memory = pictures * 4 * u64::from(large).pow(2);
-        let settings = FitSettings { effort: 0.03, picture_memory, ..quick() };
+        let settings = FitSettings { effort: 0.02, picture_memory, ..quick() };
         fit(&input, None, &settings, &FitProgress::default()).unwrap().report.held_out.unwrap().psnr_db
     });
     assert!(four > all - 0.5 && one > all - 1.0, "{all} {four} {one}");
@@ -383,7 +383,7 @@ fn boxes_turn_with_the_field() {
     write_transforms(&folder, &cameras);
     // The upper half of the post: up is -y here.
     let post = Some((DVec3::new(5.5, 5.0, 6.8), DVec3::new(6.0, 6.0, 7.2)));
-    let short = FitSettings { effort: 0.05, ..quick() };
+    let short = FitSettings { effort: 0.03, ..quick() };
     for settings in [FitSettings { crop: post, ..short.clone() }, FitSettings { bounds: post, ..short }] {
         let standing = fit_folder(&folder, &FitSettings { stand: true, ..settings.clone() });
         let (low, high) = standing.field.dense_bounds().unwrap();
