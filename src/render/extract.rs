@@ -252,19 +252,16 @@ type CameraSettings = (
     Has<MotionVectorPrepass>,
 );
 
+/// Extracts the props that any camera may draw.
 pub(super) fn extract_props(
-    mut commands: Commands,
     mut extracted: ResMut<ExtractedProps>,
-    mut views: Query<&mut VisibleProps>,
     fields: Extract<Res<Assets<PlenOctree>>>,
     on_gpu: Res<RenderAssets<GpuField>>,
     palettes: Extract<Res<Palettes>>,
     extraction: Extract<Res<PaletteExtraction>>,
-    (server, shaders): (Extract<Res<AssetServer>>, Extract<Res<Assets<Shader>>>),
     props: Extract<
         Query<(Entity, (&Prop, &DrawnField), Option<&SolidOpacity>, PropColors, &GlobalTransform, &ViewVisibility)>,
     >,
-    cameras: Extract<Query<(RenderEntity, &Camera, &VisibleEntities, CameraSettings), With<Camera3d>>>,
 ) {
     let ExtractedProps { props: list, colors, index, transforms } = &mut *extracted;
     list.clear();
@@ -315,9 +312,22 @@ pub(super) fn extract_props(
             index.insert(entity, drawn);
         }
     }
+}
+
+/// Extracts what cameras draw of these props, and where the props are, for the motion of the next frame.
+pub(super) fn extract_views(
+    mut commands: Commands,
+    mut extracted: ResMut<ExtractedProps>,
+    mut views: Query<&mut VisibleProps>,
+    palettes: Extract<Res<Palettes>>,
+    (server, shaders): (Extract<Res<AssetServer>>, Extract<Res<Assets<Shader>>>),
+    props: Extract<Query<(Entity, &GlobalTransform), With<Prop>>>,
+    cameras: Extract<Query<(RenderEntity, &Camera, &VisibleEntities, CameraSettings), With<Camera3d>>>,
+) {
+    let ExtractedProps { colors, index, transforms, .. } = &mut *extracted;
     transforms.clear();
     if cameras.iter().any(|(.., (.., has_motion))| has_motion) {
-        transforms.extend(props.iter().map(|(entity, .., transform, _)| (entity, *transform)));
+        transforms.extend(props.iter().map(|(entity, transform)| (entity, *transform)));
     }
     views.iter_mut().for_each(|mut view| view.clear());
     let active = cameras.iter().filter(|(_, camera, ..)| camera.is_active);

@@ -61,7 +61,9 @@ pub(crate) struct RenderPropsPlugin;
 impl Plugin for RenderPropsPlugin {
     fn build(&self, app: &mut App) {
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
-            render_app.init_resource::<extract::ExtractedProps>().add_systems(ExtractSchedule, extract::extract_props);
+            render_app
+                .init_resource::<extract::ExtractedProps>()
+                .add_systems(ExtractSchedule, (extract::extract_props, extract::extract_views).chain());
             prepare::plugin(render_app);
             passes::plugin(render_app);
             add_passes(render_app);

@@ -18,7 +18,7 @@ use super::{
     measure::{Comparison, compare, quick_psnr},
     progress::FitProgress,
     report::{FitReport, HeldOut, Seconds, StageReport, ViewReport},
-    scene,
+    scene::{self, Place},
     settings::FitSettings,
     stand,
     suspects::suspicious,
@@ -111,98 +111,23 @@ pub fn fit(
     };
     let key = key(input, settings);
     let saved = settings.checkpoint.as_deref();
-    let resumed = match saved {
-        Some(path) if settings.resume && path.exists() => {
-            Some(Checkpoint::read(path, key, gallery.len(), backdrop.clone())?)
-        }
-        _ => None,
-    };
-    let Checkpoint { mut model, mut position, mut random } = match resumed {
-        Some(checkpoint) => checkpoint,
-        None => {
-            let mut grid = Grid::new(place.cube, settings.basis.functions(), &place.voxels);
-            grid.values.iter_mut().step_by(settings.basis.functions()).for_each(|value| value.w = FIRST_THICKNESS);
-            grid.copy_thickness();
-            let model = Model { grid, backdrop, gains: vec![Vec3::ONE; gallery.len()] };
-            Checkpoint { model, position: Position::default(), random: Random::new(settings.seed) }
-        }
-    };
+    let mut state = begin(&place, gallery.len(), backdrop, key, settings)?;
     if let Some((low, high)) = settings.crop {
-        let (grid, crop) = (&model.grid, in_frame((low, high)));
+        let (grid, crop) = (&state.model.grid, in_frame((low, high)));
         if !grid.voxels().any(|voxel| crop.overlaps(grid.center(voxel), f64::from(voxel.size) * grid.cell_size())) {
             let found = format!("{low} to {high}");
             return Err(FitError::Setting { setting: "crop", found, expected: "a box with some of what cameras see" });
         }
     }
-    if progress.is_stopped() && position == Position::default() {
+    if progress.is_stopped() && state.position == Position::default() {
         return Err(FitError::Stopped);
     }
     let depth = settings.depth.unwrap_or_else(|| depth_of(&gallery.cameras(), place.cube));
     let schedule = Schedule::new(settings, depth, !knows_opacity);
-    // What is left of the time, if it is limited.
-    let mut left = settings.time.map(|time| time.as_secs_f64() * (1.0 - schedule.shares(position.stage).0));
-    let mut report = FitReport { views: gallery.len(), ..FitReport::default() };
-    let mut saved_at = Instant::now();
-    while !progress.is_stopped() && position.stage < schedule.stages.len() {
-        let stage = &schedule.stages[position.stage];
-        let (before, share) = schedule.shares(position.stage);
-        progress.update(|status| (status.stage, status.fraction) = (format!("{0}^3", stage.resolution), before));
-        let mut splitting = 0.0;
-        if model.grid.resolution() < stage.resolution {
-            let start = Instant::now();
-            model.grid = split(&model.grid, &gallery.cameras(), stage);
-            splitting = start.elapsed().as_secs_f64();
-            position.seconds += splitting;
-        }
-        let is_last = Cell::new(position.stage + 1 == schedule.stages.len());
-        let mut limit = left.map(|left| {
-            let is_last = &is_last;
-            move |preparing: f64| {
-                let preparing = splitting + preparing;
-                let share = if is_last.get() { 1.0 } else { share / (1.0 - before) };
-                StageTime { preparing, training: ((left - preparing) * share).max(preparing) }
-            }
-        });
-        let mut psnr = None;
-        let mut measured_at = -1.0;
-        let mut watch = |model: &Model, position: &Position, fraction: f64, random: &Random| {
-            // It begins again if the stage gets more time.
-            if fraction >= measured_at + 0.1 || fraction < measured_at {
-                measured_at = fraction;
-                psnr = quick_psnr(&model.grid, &model.backdrop, &measured);
-            }
-            progress.update(|status| {
-                status.stage = format!("{0}^3", stage.resolution);
-                let share = if is_last.get() { 1.0 - before } else { share };
-                status.fraction = before + share * fraction;
-                status.psnr = psnr;
-            });
-            // The result is worth more than what it could resume from. Whether the last state is saved is reported.
-            if let Some(path) = saved.filter(|_| saved_at.elapsed() > SAVE_EVERY) {
-                saved_at = Instant::now();
-                let _ = Checkpoint::write(path, key, model, position, random);
-            }
-        };
-        let mut tour = Tour::default();
-        loop {
-            let limit = limit.as_mut().map(|limit| limit as &mut Limit);
-            let (gallery, tour) = (&mut gallery, &mut tour);
-            train(&mut model, gallery, stage, &mut position, tour, &mut random, progress, limit, &mut watch)?;
-            if is_last.get() || progress.is_stopped() || left.is_none() || stage.trained(&position) >= LEAST_FOR_FINER {
-                break;
-            }
-            // Voxels of this size are trained on for as long as there is time.
-            is_last.set(true);
-        }
-        left = left.map(|left| left - position.seconds);
-        let psnr = quick_psnr(&model.grid, &model.backdrop, &measured);
-        report.stages.push(StageReport::new(&model, &position, psnr));
-        if !progress.is_stopped() {
-            let next = if is_last.get() { schedule.stages.len() } else { position.stage + 1 };
-            position = Position { stage: next, ..Position::default() };
-        }
-    }
-    report.stopped = progress.is_stopped();
+    let training = Training { schedule, settings, measured: &measured, progress, key };
+    let stages = training.run(&mut gallery, &mut state)?;
+    let mut report = FitReport { views: gallery.len(), stages, stopped: progress.is_stopped(), ..FitReport::default() };
+    let Checkpoint { model, position, random } = state;
     // Also when training is complete: what follows may fail, and can then be repeated without training again.
     if let Some(path) = saved {
         let written = Checkpoint::write(path, key, &model, &position, &random);
@@ -252,6 +177,113 @@ pub fn fit(
     report.cube = [cube.low.to_array(), (cube.low + cube.size).to_array()];
     report.seconds = Seconds { preparing, training, measuring: start.elapsed().as_secs_f64() };
     Ok(Fitted { field, previews, report })
+}
+
+/// Returns where a fit begins: at its checkpoint, if it resumes from one.
+fn begin(
+    place: &Place,
+    views: usize,
+    backdrop: Backdrop,
+    key: u64,
+    settings: &FitSettings,
+) -> Result<Checkpoint, FitError> {
+    if let Some(path) = settings.checkpoint.as_deref().filter(|path| settings.resume && path.exists()) {
+        return Checkpoint::read(path, key, views, backdrop);
+    }
+    let mut grid = Grid::new(place.cube, settings.basis.functions(), &place.voxels);
+    grid.values.iter_mut().step_by(settings.basis.functions()).for_each(|value| value.w = FIRST_THICKNESS);
+    grid.copy_thickness();
+    let model = Model { grid, backdrop, gains: vec![Vec3::ONE; views] };
+    Ok(Checkpoint { model, position: Position::default(), random: Random::new(settings.seed) })
+}
+
+/// What the stages of a fit have in common.
+struct Training<'a> {
+    schedule: Schedule,
+    settings: &'a FitSettings,
+    /// Some of the views that are held out.
+    measured: &'a [TrainView],
+    progress: &'a FitProgress,
+    /// The one of checkpoints.
+    key: u64,
+}
+
+impl Training<'_> {
+    /// Trains in one stage after another. Returns what each did.
+    fn run(&self, gallery: &mut Gallery, state: &mut Checkpoint) -> Result<Vec<StageReport>, FitError> {
+        let Checkpoint { model, position, random } = state;
+        let saved = self.settings.checkpoint.as_deref();
+        // What is left of the time, if it is limited.
+        let time = self.settings.time;
+        let mut left = time.map(|time| time.as_secs_f64() * (1.0 - self.schedule.shares(position.stage).0));
+        let mut saved_at = Instant::now();
+        let mut reports = Vec::new();
+        while !self.progress.is_stopped() && position.stage < self.schedule.stages.len() {
+            let stage = &self.schedule.stages[position.stage];
+            let (before, share) = self.schedule.shares(position.stage);
+            self.progress
+                .update(|status| (status.stage, status.fraction) = (format!("{0}^3", stage.resolution), before));
+            let mut splitting = 0.0;
+            if model.grid.resolution() < stage.resolution {
+                let start = Instant::now();
+                model.grid = split(&model.grid, &gallery.cameras(), stage);
+                splitting = start.elapsed().as_secs_f64();
+                position.seconds += splitting;
+            }
+            let is_last = Cell::new(position.stage + 1 == self.schedule.stages.len());
+            let mut limit = left.map(|left| {
+                let is_last = &is_last;
+                move |preparing: f64| {
+                    let preparing = splitting + preparing;
+                    let share = if is_last.get() { 1.0 } else { share / (1.0 - before) };
+                    StageTime { preparing, training: ((left - preparing) * share).max(preparing) }
+                }
+            });
+            let mut psnr = None;
+            let mut measured_at = -1.0;
+            let mut watch = |model: &Model, position: &Position, fraction: f64, random: &Random| {
+                // It begins again if the stage gets more time.
+                if fraction >= measured_at + 0.1 || fraction < measured_at {
+                    measured_at = fraction;
+                    psnr = quick_psnr(&model.grid, &model.backdrop, self.measured);
+                }
+                self.progress.update(|status| {
+                    status.stage = format!("{0}^3", stage.resolution);
+                    let share = if is_last.get() { 1.0 - before } else { share };
+                    status.fraction = before + share * fraction;
+                    status.psnr = psnr;
+                });
+                // The result is worth more than what it could resume from. Whether the last state is saved is reported.
+                if let Some(path) = saved.filter(|_| saved_at.elapsed() > SAVE_EVERY) {
+                    saved_at = Instant::now();
+                    let _ = Checkpoint::write(path, self.key, model, position, random);
+                }
+            };
+            let mut tour = Tour::default();
+            loop {
+                let limit = limit.as_mut().map(|limit| limit as &mut Limit);
+                let tour = &mut tour;
+                train(model, gallery, stage, position, tour, random, self.progress, limit, &mut watch)?;
+                if is_last.get()
+                    || self.progress.is_stopped()
+                    || left.is_none()
+                    || stage.trained(position) >= LEAST_FOR_FINER
+                {
+                    break;
+                }
+                // Voxels of this size are trained on for as long as there is time.
+                is_last.set(true);
+            }
+            left = left.map(|left| left - position.seconds);
+            let psnr = quick_psnr(&model.grid, &model.backdrop, self.measured);
+            reports.push(StageReport::new(model, position, psnr));
+            if !self.progress.is_stopped() {
+                let next = if is_last.get() { self.schedule.stages.len() } else { position.stage + 1 };
+                *position = Position { stage: next, ..Position::default() };
+            }
+        }
+        Ok(reports)
+    }
 }
 
 /// Returns a hash of the input and the settings: fits that differ in it cannot resume from each other's checkpoints.
