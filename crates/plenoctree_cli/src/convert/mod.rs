@@ -42,41 +42,11 @@ const BLURS: [f64; 2] = [0.25, 0.5];
 /// Converts the capture, extracts the palette, and writes both with views and a report.
 pub fn run(arguments: &Arguments) -> Result {
     let path = &arguments.capture;
-    let named = |error: &dyn std::error::Error| format!("{}: {error}", path.display());
     output::check(&arguments.out, &[path], &arguments.extraction)?;
     use_threads(arguments.threads)?;
     let interruption = Interruption::new(output::cleaning_up(&arguments.out))?;
     let start = Instant::now();
-    let splats = capture::load(path, arguments.reading, false)?;
-    let all = splats.len();
-    if let (true, None, Some(up)) = (arguments.stand, arguments.up, splats.up()) {
-        console::say!("{}: {up} is up, as the file says; --up chooses another direction", path.display());
-    }
-    let settings = SubjectSettings {
-        crop: arguments.crop,
-        keep_largest: arguments.keep_largest,
-        up: arguments.stand.then(|| arguments.up.or(splats.up()).unwrap_or_default()),
-    };
-    let Subject { mut splats, low, high, turn } = splats.subject(&settings).map_err(|error| named(&error))?;
-    let corner = |corner: DVec3| significant(corner.to_array()).join(", ");
-    console::say!(
-        "{}: {}, {} of them in the box from [{}] to [{}]",
-        path.display(),
-        counted(all, "Gaussian", "Gaussians"),
-        splats.len(),
-        corner(low),
-        corner(high)
-    );
-    let overlap = splats.overlap(low, high);
-    let every = (overlap / MOST_OVERLAP).ceil().max(1.0) as usize;
-    if every > 1 {
-        console::complain!(
-            "warning: {}: rays meet about {overlap:.0} Gaussians, of which pictures would take minutes; one of every \
-             {every} is used",
-            path.display()
-        );
-        splats = splats.thinned(every);
-    }
+    let (Subject { splats, low, high, turn }, all) = read(arguments)?;
     let reading = start.elapsed();
 
     let start = Instant::now();
@@ -96,23 +66,7 @@ pub fn run(arguments: &Arguments) -> Result {
 
     let start = Instant::now();
     let spinner = progress::spinner("voxelizing", false);
-    let cells = side / cameras::pixel(near, size);
-    let depth = arguments.depth.unwrap_or_else(|| cells.log2().clamp(6.0, 10.0).round() as u32);
-    // In all, as much as splats are.
-    let pixel = f64::from(depth).exp2() / cells;
-    let blur = (SPLAT_BLUR * pixel * pixel - CELL).max(0.0).sqrt().clamp(BLURS[0], BLURS[1]);
-    let settings = VoxelSettings {
-        depth,
-        leaves: arguments.leaves as usize,
-        bounds: Some((low, high)),
-        blur,
-        views: cameras::looking(low, high, near, between),
-    };
-    let field = match arguments.quality {
-        Some(quality) => quality::field(&splats, settings, quality, &standard.near),
-        None => voxelize(&splats, &settings),
-    };
-    let mut field = field.map_err(|error| named(&error))?;
+    let mut field = voxelized(&splats, [low, high], [near, between], &standard.near, arguments)?;
     spinner.finish_and_clear();
     interruption.keep_result();
     let voxelizing = start.elapsed();
@@ -200,6 +154,70 @@ pub fn run(arguments: &Arguments) -> Result {
     let (file, written) = output::write(&arguments.out, &field, &arguments.extraction, measured.previews(), &report)?;
     console::say!("{}: {}", file.display(), counted(written, "leaf", "leaves"));
     Ok(())
+}
+
+/// Reads the capture. Returns what is converted of it, and the number of all Gaussians.
+fn read(arguments: &Arguments) -> Result<(Subject, usize)> {
+    let path = &arguments.capture;
+    let splats = capture::load(path, arguments.reading, false)?;
+    let all = splats.len();
+    if let (true, None, Some(up)) = (arguments.stand, arguments.up, splats.up()) {
+        console::say!("{}: {up} is up, as the file says; --up chooses another direction", path.display());
+    }
+    let settings = SubjectSettings {
+        crop: arguments.crop,
+        keep_largest: arguments.keep_largest,
+        up: arguments.stand.then(|| arguments.up.or(splats.up()).unwrap_or_default()),
+    };
+    let mut subject = splats.subject(&settings).map_err(|error| format!("{}: {error}", path.display()))?;
+    let Subject { splats, low, high, .. } = &subject;
+    let corner = |corner: &DVec3| significant(corner.to_array()).join(", ");
+    console::say!(
+        "{}: {}, {} of them in the box from [{}] to [{}]",
+        path.display(),
+        counted(all, "Gaussian", "Gaussians"),
+        splats.len(),
+        corner(low),
+        corner(high)
+    );
+    let overlap = splats.overlap(*low, *high);
+    let every = (overlap / MOST_OVERLAP).ceil().max(1.0) as usize;
+    if every > 1 {
+        console::complain!(
+            "warning: {}: rays meet about {overlap:.0} Gaussians, of which pictures would take minutes; one of every \
+             {every} is used",
+            path.display()
+        );
+        subject.splats = subject.splats.thinned(every);
+    }
+    Ok((subject, all))
+}
+
+/// Converts the Gaussians to a field that looks right from nearby, and from as far as halfway.
+fn voxelized(
+    splats: &Splats,
+    [low, high]: [DVec3; 2],
+    [near, between]: [f64; 2],
+    from_nearby: &Pictures,
+    arguments: &Arguments,
+) -> Result<PlenOctree> {
+    let cells = (high - low).max_element() / cameras::pixel(near, arguments.picture_size);
+    let depth = arguments.depth.unwrap_or_else(|| cells.log2().clamp(6.0, 10.0).round() as u32);
+    // In all, as much as splats are.
+    let pixel = f64::from(depth).exp2() / cells;
+    let blur = (SPLAT_BLUR * pixel * pixel - CELL).max(0.0).sqrt().clamp(BLURS[0], BLURS[1]);
+    let settings = VoxelSettings {
+        depth,
+        leaves: arguments.leaves as usize,
+        bounds: Some((low, high)),
+        blur,
+        views: cameras::looking(low, high, near, between),
+    };
+    let field = match arguments.quality {
+        Some(quality) => quality::field(splats, settings, quality, from_nearby),
+        None => voxelize(splats, &settings),
+    };
+    field.map_err(|error| format!("{}: {error}", arguments.capture.display()).into())
 }
 
 /// Says what refining gained, and returns the field that is better, its measures and the report.
