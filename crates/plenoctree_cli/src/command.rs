@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
-use crate::{convert, fit, info, pack, palette, ramps, render, result::Result, stylize};
+use crate::{convert, files, fit, info, pack, palette, ramps, render, result::Result, stylize, training::Interruption};
 
 /// Inspect, stylize, fit, convert and pack PlenOctrees.
 #[derive(Parser)]
@@ -26,8 +26,16 @@ enum Command {
 }
 
 impl CommandLine {
-    /// Runs the subcommand.
+    /// Runs the subcommand. If it fails or is stopped, it leaves nothing unfinished behind.
     pub fn run(&self) -> Result {
+        // The others have results to keep if Ctrl-C stops them.
+        if !matches!(self.command, Command::Fit(_) | Command::Convert(_)) {
+            Interruption::new(files::clean_up)?;
+        }
+        self.finish().inspect_err(|_| files::clean_up())
+    }
+
+    fn finish(&self) -> Result {
         match &self.command {
             Command::Info(arguments) => info::run(arguments),
             Command::Palette(arguments) => palette::run(arguments),

@@ -5,6 +5,7 @@ use std::{
     fs::{self, File},
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
+    sync::{Mutex, PoisonError},
 };
 
 use image::{ImageBuffer, PixelWithColorType, codecs::png::PngEncoder};
@@ -13,9 +14,25 @@ use serde_json::Value;
 
 use crate::{console, number::counted, result::Result};
 
+/// The folders that are written to, each with those of it and its parents that are new.
+static WRITTEN: Mutex<Vec<(PathBuf, Vec<PathBuf>)>> = Mutex::new(Vec::new());
+
 /// Creates a folder and its parents, unless they exist.
 pub fn create_folder(path: &Path) -> Result {
-    Ok(fs::create_dir_all(path).map_err(|error| format!("{}: cannot be created: {error}", path.display()))?)
+    let new = path.ancestors().take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists());
+    let new = new.map(PathBuf::from).collect();
+    fs::create_dir_all(path).map_err(|error| format!("{}: cannot be created: {error}", path.display()))?;
+    WRITTEN.lock().unwrap_or_else(PoisonError::into_inner).push((path.into(), new));
+    Ok(())
+}
+
+/// Removes what a command leaves behind that fails or is stopped: unfinished files, and new folders without anything in
+/// them.
+pub fn clean_up() {
+    for (folder, new) in WRITTEN.lock().unwrap_or_else(PoisonError::into_inner).iter().rev() {
+        plenoctree::remove_unfinished_files(folder);
+        new.iter().for_each(|folder| _ = fs::remove_dir(folder));
+    }
 }
 
 /// Returns the folder of a file.
@@ -52,6 +69,8 @@ pub fn check_outputs(outputs: &[&Path], inputs: &[&Path]) -> Result {
             return Err(format!("{name}: is a folder; choose the name of a file").into());
         }
         create_folder(folder_of(output))?;
+        // Where a link leads is written to.
+        fs::canonicalize(output).map_or(Ok(()), |file| create_folder(folder_of(&file)))?;
         check_writable(output).map_err(|error| format!("{name}: cannot be written: {error}"))?;
     }
     Ok(())

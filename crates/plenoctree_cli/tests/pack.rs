@@ -67,8 +67,10 @@ fn faint_fields_are_not_packed_silently() {
         bake(&settings, |_| density, |_| |_| glam::DVec3::ONE).unwrap().write(&path).unwrap();
         path
     };
-    let message = fail(&["pack", text(&bake("empty.npz", 1e-3, 1.0))]);
+    let new = folder.join("new/folder/empty.plenoctree");
+    let message = fail(&["pack", text(&bake("empty.npz", 1e-3, 1.0)), "--out", text(&new)]);
     assert!(message.contains("empty.npz: no leaf has a density of 0.01"), "{message}");
+    assert!(!folder.join("new").exists(), "a folder is left without anything in it");
     let solid = bake("solid.npz", 1e5, 1.0);
     let Output { stdout, stderr, status } = run(&["pack", text(&solid), "--exact", "--size", "20x20"]);
     let [printed, warnings] = [stdout, stderr].map(|text| String::from_utf8(text).unwrap());

@@ -87,8 +87,8 @@ pub fn run(arguments: &Arguments) -> Result {
         }
     };
     let fitted = input.views.len() - if test.is_none() { held_out.len() } else { 0 };
-    let views = input.views.iter().chain(test.iter().flat_map(|test| &test.views));
-    let compared = compared(views, arguments, settings.downscale);
+    let inputs: Vec<&FitInput> = [&input].into_iter().chain(&test).collect();
+    let compared = compared(&inputs, arguments, settings.downscale);
     let earlier = if settings.resume { Quality::earlier(&arguments.out, &held_out, fitted, &compared)? } else { None };
     let Fitted { field, previews, report } =
         interruption.watched(&arguments.input, move |progress| fit(&input, test.as_ref(), &settings, progress))?;
@@ -124,14 +124,19 @@ pub fn run(arguments: &Arguments) -> Result {
 
 /// Describes the pictures that the field is compared with. A field matches small pictures more easily than large ones,
 /// so that the quality of two fits compares only where these are the same.
-fn compared<'a>(views: impl Iterator<Item = &'a View>, arguments: &Arguments, downscale: u32) -> Value {
+fn compared(inputs: &[&FitInput], arguments: &Arguments, downscale: u32) -> Value {
     let size = |view: &View| [view.camera.width, view.camera.height].map(|side| (side / downscale).max(1));
+    let place = |path: &Path| {
+        let place = fs::canonicalize(path).unwrap_or_else(|_| path.into());
+        place.to_string_lossy().into_owned()
+    };
+    let views = || inputs.iter().flat_map(|input| &input.views);
+    let own_masks = views().filter_map(|view| view.mask.as_deref().filter(|_| arguments.masks.is_none()));
     json!({
-        "sizes": views.map(size).collect::<BTreeSet<_>>(),
-        "masks": arguments.masks.as_ref().map(|folder| {
-            let folder = fs::canonicalize(folder).unwrap_or_else(|_| folder.clone());
-            folder.to_string_lossy().into_owned()
-        }),
+        "sizes": views().map(size).collect::<BTreeSet<_>>(),
+        "masks": arguments.masks.as_deref().map(place),
+        "own_masks": own_masks.map(place).collect::<BTreeSet<_>>(),
+        "ignored": inputs.iter().map(|input| input.ignored.as_deref().map(place)).collect::<Vec<_>>(),
         "background": arguments.background.map(hex::format),
     })
 }

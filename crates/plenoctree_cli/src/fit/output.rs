@@ -68,7 +68,10 @@ pub fn write(
 /// Returns a closure that removes what is not finished of the results.
 pub fn cleaning_up(out: &Path) -> impl Fn() + Send + 'static {
     let files = [out.to_path_buf(), unpacked(out)];
-    move || files.iter().for_each(|out| remove_unfinished(out))
+    move || {
+        files.iter().for_each(|out| remove_unfinished(out));
+        files::clean_up();
+    }
 }
 
 /// Returns where a field is written that cannot be packed.
@@ -77,11 +80,7 @@ fn unpacked(out: &Path) -> PathBuf {
 }
 
 fn remove_unfinished(out: &Path) {
-    for target in targets(out) {
-        let partial = partial(&target);
-        let _ = fs::remove_file(&partial);
-        plenoctree::remove_unfinished_files(files::folder_of(&partial));
-    }
+    targets(out).iter().for_each(|target| _ = fs::remove_file(partial(target)));
 }
 
 fn write_all(
@@ -187,6 +186,11 @@ fn write_previews(folder: &Path, previews: &[Comparison], names: &[String]) -> R
 
 /// The pictures in a report of a fit: their sizes, and what is behind and around the object.
 pub const COMPARED: &str = "pictures";
+/// Returns whether the pictures of an earlier report are those that are `compared` now. Older reports say less of them.
+fn is_same(earlier: &Value, compared: &Value) -> bool {
+    earlier.as_object().is_none_or(|earlier| earlier.iter().all(|(key, value)| compared[key] == *value))
+}
+
 /// The previews in a report.
 const PREVIEWS: &str = "previews";
 
@@ -268,8 +272,7 @@ impl Quality {
             None => "is not the field that report.json is about",
             Some(found) if found.fitted != fitted as u64 => "was fitted to other views",
             Some(found) if !found.is_of(held_out, report["stopped"] == true) => "was measured on other views",
-            // Older reports lack them.
-            Some(_) if report.get(COMPARED).is_some_and(|of| of != compared) => {
+            Some(_) if !is_same(&report[COMPARED], compared) => {
                 "was not compared with pictures of the same size, masks and background"
             }
             Some(found) => return Ok(Some(found)),
@@ -405,6 +408,16 @@ mod tests {
         let long = ["a", "b"].map(|end| format!("x{}{end}", "\u{e4}".repeat(300)));
         let names = preview_names(long.iter().map(String::as_str));
         assert!(names.iter().all(|name| name.len() < 210) && names[0] != names[1], "{names:?}");
+    }
+
+    /// Results compare if they were compared with the same pictures, as far as the earlier report tells.
+    #[test]
+    fn masks_decide_whether_results_compare() {
+        let now = json!({ "sizes": [[8, 8]], "masks": null, "own_masks": ["a"], "ignored": null });
+        assert!(is_same(&Value::Null, &now) && is_same(&now, &now));
+        assert!(is_same(&json!({ "sizes": [[8, 8]], "masks": null }), &now));
+        assert!(!is_same(&json!({ "sizes": [[8, 8]], "masks": "folder" }), &now));
+        assert!(!is_same(&json!({ "sizes": [[8, 8]], "own_masks": ["b"] }), &now));
     }
 
     /// Links stay, the report about another field is kept, and a preview that cannot be written does not cost the field.

@@ -113,27 +113,40 @@ fn around(low: DVec3, high: DVec3) -> Cube {
     Cube { low: 0.5 * (low + high) - 0.5 * size, size }
 }
 
-/// Returns the point nearest to the optical axes of all cameras, and the median distance of the cameras from it.
+/// Returns the point nearest to the optical axes of all cameras, and the median distance of the cameras from it. If most
+/// cameras do not see it, the more an axis misses it, the less that axis counts: some cameras may look elsewhere.
 pub fn focus(cameras: &[ViewCamera]) -> Result<(DVec3, f64), FitError> {
-    let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
+    const ROUNDS: usize = 30;
+    let looking = |focus: DVec3| cameras.iter().filter(|camera| camera.project(focus).is_some()).count();
+    let mut focus = nearest_to_axes(cameras, |_| 1.0);
+    if focus.is_some_and(|focus| 2 * looking(focus) < cameras.len()) {
+        for _ in 0..ROUNDS {
+            let Some(last) = focus else { break };
+            // With these weights, it is the distances whose sum becomes the least, not their squares.
+            let miss = |camera: &ViewCamera| camera.axis().cross(last - camera.position).length();
+            focus = nearest_to_axes(cameras, |camera| miss(camera).max(1e-9).recip());
+        }
+    }
+    let common = focus.filter(|focus| 2 * looking(*focus) >= cameras.len()).ok_or_else(|| FitError::Views {
+        found: format!("{} of {} cameras that look at a common place", focus.map_or(0, looking), cameras.len()),
+        expected: "most cameras to look at one object; otherwise, give the box to fit",
+    })?;
+    Ok((common, median(cameras.iter().map(|camera| camera.position.distance(common)))))
+}
+
+/// Returns the point with the least sum of weighted squares of distances from the optical axes, unless they are about
+/// parallel.
+fn nearest_to_axes(cameras: &[ViewCamera], weight: impl Fn(&ViewCamera) -> f64) -> Option<DVec3> {
+    let (mut normal, mut right, mut sum) = (DMat3::ZERO, DVec3::ZERO, 0.0);
     for camera in cameras {
-        let axis = camera.axis();
-        let across = DMat3::IDENTITY - DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
+        let (axis, weight) = (camera.axis(), weight(camera));
+        sum += weight;
+        let across = weight * (DMat3::IDENTITY - DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z));
         normal += across;
         right += across * camera.position;
     }
-    let count = cameras.len() as f64;
-    // Parallel axes have no nearest point.
-    let spread = normal.determinant() / count.powi(3);
-    let focus = if spread > 1e-6 { normal.inverse() * right } else { DVec3::NAN };
-    let looking = cameras.iter().filter(|camera| camera.project(focus).is_some()).count();
-    if !focus.is_finite() || 2 * looking < cameras.len() {
-        return Err(FitError::Views {
-            found: format!("{looking} of {} cameras that look at a common place", cameras.len()),
-            expected: "most cameras to look at one object; otherwise, give the box to fit",
-        });
-    }
-    Ok((focus, median(cameras.iter().map(|camera| camera.position.distance(focus)))))
+    let spread = normal.determinant() / sum.powi(3);
+    Some(normal.inverse() * right).filter(|focus| spread > 1e-6 && focus.is_finite())
 }
 
 fn median(values: impl Iterator<Item = f64>) -> f64 {
@@ -288,5 +301,38 @@ impl Counts {
         let (low, high) = (low.floor().clamp(DVec2::ZERO, end), high.ceil().clamp(DVec2::ZERO, end));
         let sum = |x: f64, y: f64| self.sums[y as usize * self.columns + x as usize];
         sum(high.x, high.y) + sum(low.x, low.y) > sum(low.x, high.y) + sum(high.x, low.y)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::input::{Distortion, Lens};
+
+    /// A camera far away that looks elsewhere does not move the place that all others look at; without such a place,
+    /// there is an error.
+    #[test]
+    fn cameras_look_at_a_common_place() {
+        let lens = Lens { focal: DVec2::splat(60.0), center: DVec2::splat(20.0), distortion: Distortion::None };
+        let camera = |position: DVec3, at: DVec3| {
+            let back = (position - at).normalize();
+            let right = DVec3::Y.cross(back).normalize();
+            ViewCamera::undistorted(40, 40, lens, DMat3::from_cols(right, back.cross(right), back), position)
+        };
+        let at = DVec3::new(0.3, 0.2, 0.1);
+        let around = |index: u32| {
+            let angle = f64::from(index);
+            DVec3::new(4.0 * angle.cos(), 0.1 * angle, 4.0 * angle.sin())
+        };
+        let mut cameras: Vec<ViewCamera> = (0..20).map(|index| camera(around(index), at)).collect();
+        let (alone, distance) = focus(&cameras).unwrap();
+        assert!(alone.distance(at) < 1e-9 && (distance - 4.1).abs() < 0.2, "{alone} {distance}");
+        cameras.push(camera(DVec3::new(5e3, 300.0, 0.0), DVec3::new(5e3, -1e3, 1e3)));
+        let squares = nearest_to_axes(&cameras, |_| 1.0).unwrap();
+        assert!(squares.distance(at) > 2.0, "{squares}");
+        let (found, _) = focus(&cameras).unwrap();
+        assert!(found.distance(at) < 0.2, "{found}");
+        let apart: Vec<ViewCamera> = (0..20).map(|index| camera(around(index), 3.0 * around(index))).collect();
+        assert!(focus(&apart).is_err());
     }
 }

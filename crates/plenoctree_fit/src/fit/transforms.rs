@@ -8,7 +8,7 @@ use std::{
 
 use glam::{DMat3, DMat4, DVec2, DVec4};
 use plenoctree::camera::PinholeCamera;
-use serde::Deserialize;
+use serde_json::Value;
 
 use super::error::FitError;
 use crate::file::without_mark;
@@ -17,7 +17,7 @@ use crate::file::without_mark;
 pub(crate) type WrongValue = (&'static str, String, &'static str);
 
 /// Camera intrinsics, for all frames or for a single frame. The latter take precedence.
-#[derive(Clone, Copy, Default, Deserialize)]
+#[derive(Clone, Copy, Default)]
 pub(crate) struct Intrinsics {
     pub w: Option<f64>,
     pub h: Option<f64>,
@@ -30,6 +30,19 @@ pub(crate) struct Intrinsics {
 }
 
 impl Intrinsics {
+    fn of(entry: &Value) -> Result<Self, WrongValue> {
+        Ok(Self {
+            w: number(entry, "w")?,
+            h: number(entry, "h")?,
+            fl_x: number(entry, "fl_x")?,
+            fl_y: number(entry, "fl_y")?,
+            cx: number(entry, "cx")?,
+            cy: number(entry, "cy")?,
+            camera_angle_x: number(entry, "camera_angle_x")?,
+            camera_angle_y: number(entry, "camera_angle_y")?,
+        })
+    }
+
     /// Returns whether a focal length is in pixels, not an angle.
     pub fn is_in_pixels(&self) -> bool {
         self.fl_x.or(self.fl_y).is_some()
@@ -59,19 +72,23 @@ impl Intrinsics {
     /// Returns the focal lengths and the point of the optical axis, in pixels of images of this size.
     pub fn focal_and_center(&self, size: DVec2) -> Result<(DVec2, DVec2), WrongValue> {
         let focal = |key, focal: f64| {
-            if FOCAL.contains(&focal) { Ok(focal) } else { Err((key, focal.to_string(), "1e-6 to 1e9 pixels")) }
+            if FOCAL.contains(&focal) { Ok(focal) } else { Err((key, format!("{focal:?}"), "1e-6 to 1e9 pixels")) }
         };
         let from_angle = |key, angle: f64, pixels: f64| {
             let focal = 0.5 * pixels / (0.5 * angle).tan();
             if angle > 0.0 && angle < std::f64::consts::PI && FOCAL.contains(&focal) {
                 Ok(focal)
             } else {
-                Err((key, angle.to_string(), "an angle between 0 and pi radians"))
+                Err((key, format!("{angle:?}"), "an angle between 0 and pi radians"))
             }
         };
         let center = |key, given: Option<f64>, pixels: f64| {
             let center = given.unwrap_or(0.5 * pixels);
-            if center.abs() <= MAX_CENTER { Ok(center) } else { Err((key, center.to_string(), "-1e9 to 1e9 pixels")) }
+            if center.abs() <= MAX_CENTER {
+                Ok(center)
+            } else {
+                Err((key, format!("{center:?}"), "-1e9 to 1e9 pixels"))
+            }
         };
         let along = |[in_pixels, as_angle]: [&'static str; 2], given: Option<f64>, angle: Option<f64>, pixels| match (
             given, angle,
@@ -93,34 +110,45 @@ impl Intrinsics {
 /// The camera models that pictures may have. All others distort.
 const MODELS: [&str; 6] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV_FISHEYE"];
 
+/// The keys of a lens's distortion: k1 to k4 of its polynomial, and p1 and p2.
+pub(crate) const DISTORTION: [&str; 6] = ["k1", "k2", "k3", "k4", "p1", "p2"];
+
 /// The camera of all frames or of one, which takes precedence.
-#[derive(Clone, Default, Deserialize)]
+#[derive(Clone, Default)]
 pub(crate) struct Camera {
     pub camera_model: Option<String>,
     pub is_fisheye: Option<bool>,
-    #[serde(flatten)]
     pub intrinsics: Intrinsics,
-    pub k1: Option<f64>,
-    pub k2: Option<f64>,
-    pub k3: Option<f64>,
-    pub k4: Option<f64>,
-    pub p1: Option<f64>,
-    pub p2: Option<f64>,
+    /// The coefficients of [`DISTORTION`].
+    distortion: [Option<f64>; 6],
 }
 
 impl Camera {
+    fn of(entry: &Value) -> Result<Self, WrongValue> {
+        let mut distortion = [None; 6];
+        for (coefficient, key) in distortion.iter_mut().zip(DISTORTION) {
+            *coefficient = number(entry, key)?;
+        }
+        Ok(Self {
+            camera_model: text(entry, "camera_model")?,
+            is_fisheye: value(entry, "is_fisheye", "true or false", Value::as_bool)?,
+            intrinsics: Intrinsics::of(entry)?,
+            distortion,
+        })
+    }
+
     pub fn or(self, other: Self) -> Self {
         Self {
             camera_model: self.camera_model.or(other.camera_model),
             is_fisheye: self.is_fisheye.or(other.is_fisheye),
             intrinsics: self.intrinsics.or(other.intrinsics),
-            k1: self.k1.or(other.k1),
-            k2: self.k2.or(other.k2),
-            k3: self.k3.or(other.k3),
-            k4: self.k4.or(other.k4),
-            p1: self.p1.or(other.p1),
-            p2: self.p2.or(other.p2),
+            distortion: std::array::from_fn(|i| self.distortion[i].or(other.distortion[i])),
         }
+    }
+
+    /// Returns the coefficients of [`DISTORTION`].
+    pub fn distortion(&self) -> [f64; 6] {
+        self.distortion.map(Option::unwrap_or_default)
     }
 
     pub fn is_fisheye(&self) -> bool {
@@ -134,54 +162,91 @@ impl Camera {
 
     /// Returns whether the lens distorts.
     fn distorts(&self) -> bool {
-        let coefficients = [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2];
-        let has_coefficients = coefficients.into_iter().flatten().any(|k| k != 0.0);
-        has_coefficients || self.is_fisheye() || self.unknown_model().is_some()
+        self.distortion() != [0.0; 6] || self.is_fisheye() || self.unknown_model().is_some()
     }
 }
 
-#[derive(Deserialize)]
+/// A file of cameras, with at least one frame.
 pub(crate) struct File {
-    #[serde(flatten)]
     pub camera: Camera,
     pub frames: Vec<Frame>,
     pub ply_file_path: Option<String>,
 }
 
-#[derive(Deserialize)]
+/// A picture with its camera.
 pub(crate) struct Frame {
-    #[serde(flatten)]
     pub camera: Camera,
-    file_path: Option<String>,
-    file: Option<String>,
+    /// The path of the picture.
+    pub name: Option<String>,
     pub mask_path: Option<String>,
-    transform_matrix: Vec<Vec<f64>>,
+    /// The frame as it is written.
+    entry: Value,
 }
 
 impl File {
     pub fn read(path: &Path) -> Result<Self, FitError> {
-        let text = fs::read(path).map_err(FitError::io(path))?;
-        serde_json::from_slice(without_mark(&text))
-            .map_err(|error| FitError::found(path, "file", error.to_string(), "a transforms.json file"))
+        const FRAMES: &str = "frames";
+        let bytes = fs::read(path).map_err(FitError::io(path))?;
+        let mut file: Value = serde_json::from_slice(without_mark(&bytes))
+            .map_err(|error| FitError::found(path, "file", error.to_string(), "a transforms.json file"))?;
+        let frames = match file.get_mut(FRAMES).map(Value::take) {
+            Some(Value::Array(frames)) if !frames.is_empty() => frames,
+            found => {
+                return Err(FitError::found(
+                    path,
+                    FRAMES,
+                    described(&found.unwrap_or_default()),
+                    "a list of at least one frame",
+                ));
+            }
+        };
+        let frames = (frames.into_iter().enumerate())
+            .map(|(index, entry)| {
+                Frame::of(entry).map_err(|(key, found, expected)| {
+                    FitError::found(path, format!("{FRAMES}[{index}].{key}"), found, expected)
+                })
+            })
+            .collect::<Result<_, _>>()?;
+        let common = || Ok((Camera::of(&file)?, text(&file, "ply_file_path")?));
+        let (camera, ply_file_path) =
+            common().map_err(|(key, found, expected)| FitError::found(path, key, found, expected))?;
+        Ok(Self { camera, frames, ply_file_path })
+    }
+
+    /// Returns an error about a value of a frame, which may be that of all frames.
+    pub fn fault(&self, path: &Path, index: usize, (key, found, expected): WrongValue) -> FitError {
+        let is_own = self.frames[index].entry.get(key).is_some();
+        let what = if is_own { format!("frames[{index}].{key}") } else { key.into() };
+        FitError::found(path, what, found, expected)
     }
 }
 
 impl Frame {
-    /// Returns the path of the picture.
-    pub fn name(&self) -> Option<&String> {
-        self.file_path.as_ref().or(self.file.as_ref())
+    fn of(entry: Value) -> Result<Self, WrongValue> {
+        let camera = Camera::of(&entry)?;
+        let name = text(&entry, "file_path")?.map_or_else(|| text(&entry, "file"), |name| Ok(Some(name)))?;
+        Ok(Self { camera, name, mask_path: text(&entry, "mask_path")?, entry })
     }
 
     /// Returns the camera's pose, a pure rotation and a translation.
     pub fn pose(&self) -> Result<DMat4, WrongValue> {
-        let rows = &self.transform_matrix;
-        let wrong =
-            |found| Err(("transform_matrix", found, "a 4x4 camera-to-world matrix, a rotation and a translation"));
-        if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
-            return wrong(format!("{} rows of {} values", rows.len(), rows.first().map_or(0, Vec::len)));
+        const KEY: &str = "transform_matrix";
+        let wrong = |found| Err((KEY, found, "a 4x4 camera-to-world matrix, row by row, a rotation and a translation"));
+        let entry = &self.entry[KEY];
+        let rows = entry.as_array().map_or(&[][..], Vec::as_slice);
+        let row = |row: &Value| Some(DVec4::from_array(serde_json::from_value(row.clone()).ok()?));
+        let rows: Vec<Option<DVec4>> = rows.iter().map(row).collect();
+        let (Some(x), Some(y), Some(z), last) = (match rows[..] {
+            [x, y, z] => (x, y, z, Some(DVec4::W)),
+            [x, y, z, last] => (x, y, z, last),
+            _ => (None, None, None, None),
+        }) else {
+            return wrong(described(entry));
+        };
+        if last != Some(DVec4::W) {
+            return wrong(format!("a last row of {}", described(&entry[3])));
         }
-        let row = |i: usize| DVec4::from_slice(&rows[i]);
-        let matrix = DMat4::from_cols(row(0), row(1), row(2), DVec4::W).transpose();
+        let matrix = DMat4::from_cols(x, y, z, DVec4::W).transpose();
         if !matrix.as_mat4().is_finite() {
             return wrong("a number beyond the range of float32".into());
         }
@@ -195,6 +260,38 @@ impl Frame {
         let mut pose = DMat4::from_mat3(rotation);
         pose.w_axis = matrix.w_axis;
         Ok(pose)
+    }
+}
+
+/// Returns the value of a key, or an error if it is not what is expected. Null counts as none.
+fn value<T>(
+    entry: &Value,
+    key: &'static str,
+    expected: &'static str,
+    read: impl Fn(&Value) -> Option<T>,
+) -> Result<Option<T>, WrongValue> {
+    match entry.get(key) {
+        None | Some(Value::Null) => Ok(None),
+        Some(found) => read(found).map(Some).ok_or_else(|| (key, described(found), expected)),
+    }
+}
+
+fn number(entry: &Value, key: &'static str) -> Result<Option<f64>, WrongValue> {
+    value(entry, key, "a number", Value::as_f64)
+}
+
+fn text(entry: &Value, key: &'static str) -> Result<Option<String>, WrongValue> {
+    value(entry, key, "a text", |value| value.as_str().map(String::from))
+}
+
+/// Returns a value as it is written, or its beginning.
+fn described(value: &Value) -> String {
+    const LONGEST: usize = 80;
+    let text = value.to_string();
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None if value.is_null() => "nothing".into(),
+        None => text,
     }
 }
 
@@ -249,19 +346,14 @@ impl Transforms {
     pub fn read(path: impl AsRef<Path>, size: Option<(u32, u32)>) -> Result<Self, FitError> {
         let path = path.as_ref();
         let file = File::read(path)?;
-        if file.frames.is_empty() {
-            return Err(FitError::found(path, "frames", "none", "at least one"));
-        }
         let cameras: Result<_, _> = (file.frames.iter().enumerate())
             .map(|(index, frame)| {
-                let pose = frame.pose().map_err(|(key, found, expected)| {
-                    FitError::found(path, format!("frames[{index}].{key}"), found, expected)
-                })?;
-                pinhole(frame.camera.intrinsics.or(file.camera.intrinsics), pose, size)
-                    .map_err(|(key, found, expected)| FitError::found(path, key, found, expected))
+                let intrinsics = frame.camera.intrinsics.or(file.camera.intrinsics);
+                let camera = frame.pose().and_then(|pose| pinhole(intrinsics, pose, size));
+                camera.map_err(|wrong| file.fault(path, index, wrong))
             })
             .collect();
-        let name = |frame: &Frame| Some(path.with_file_name(frame.name()?));
+        let name = |frame: &Frame| Some(path.with_file_name(frame.name.as_ref()?));
         Ok(Self {
             cameras: cameras?,
             pictures: file.frames.iter().filter_map(name).collect(),
@@ -275,7 +367,7 @@ fn pinhole(given: Intrinsics, pose: DMat4, size: Option<(u32, u32)>) -> Result<P
         if value.fract() == 0.0 && (1.0..=MAX_SIZE).contains(&value) {
             Ok(value)
         } else {
-            Err((key, value.to_string(), "a whole number of pixels from 1 to 16384"))
+            Err((key, format!("{value:?}"), "a whole number of pixels from 1 to 16384"))
         }
     };
     // Height by width.
@@ -413,6 +505,7 @@ mod tests {
 
     #[test]
     fn errors_name_the_invalid_key() {
+        let pose = |matrix: &str| format!(r#"{{"fl_x": 1, "frames": [{{"transform_matrix": {matrix}}}]}}"#);
         for (json, key) in [
             ("{}", "frames"),
             (r#"{"frames": []}"#, "frames"),
@@ -425,15 +518,17 @@ mod tests {
             (&format!(r#"{{"fl_x": 1, "cx": -1e300, "frames": [{{{POSE}}}]}}"#), "cx"),
             (&format!(r#"{{"fl_x": 1, "cy": 1e300, "frames": [{{{POSE}}}]}}"#), "cy"),
             (&format!(r#"{{"w": 1e9, "h": 3, "fl_x": 1, "frames": [{{{POSE}}}]}}"#), "w"),
-            (r#"{"fl_x": 1, "frames": [{"transform_matrix": [[1,2],[3,4]]}]}"#, "frames[0].transform_matrix"),
-            (
-                r#"{"fl_x": 1, "frames": [{"transform_matrix": [[0,0,0,0],[0,0,0,0],[0,0,0,0],[0,0,0,1]]}]}"#,
-                "frames[0].transform_matrix",
-            ),
-            (
-                r#"{"fl_x": 1, "frames": [{"transform_matrix": [[1,0,0,1e39],[0,1,0,0],[0,0,1,0]]}]}"#,
-                "frames[0].transform_matrix",
-            ),
+            (&pose("[[1,2],[3,4]]"), "frames[0].transform_matrix"),
+            (&pose("[[1,0,0,4],[0,1,0,5],[0,0,1],[0,0,0,1]]"), "[[1,0,0,4],[0,1,0,5],[0,0,1],[0,0,0,1]]"),
+            (&pose("[[0,0,0,0],[0,0,0,0],[0,0,0,0],[0,0,0,1]]"), "frames[0].transform_matrix"),
+            (&pose("[[1,0,0,1e39],[0,1,0,0],[0,0,1,0]]"), "frames[0].transform_matrix"),
+            // Column by column.
+            (&pose("[[1,0,0,0],[0,1,0,0],[0,0,1,0],[4,5,6,1]]"), "a last row of [4,5,6,1]"),
+            (&pose("[[1,0,0,4],[0,1,0,5],[0,0,1,\"6\"]]"), "frames[0].transform_matrix"),
+            (&format!(r#"{{"fl_x": "wide", "frames": [{{{POSE}}}]}}"#), r#"fl_x: found "wide""#),
+            (&format!(r#"{{"fl_x": 1, "frames": [{{{POSE}}}, {{"k2": [1], {POSE}}}]}}"#), "frames[1].k2: found [1]"),
+            (&format!(r#"{{"fl_x": 1, "frames": [{{"file_path": 3, {POSE}}}]}}"#), "frames[0].file_path: found 3"),
+            (&format!(r#"{{"fl_x": 1, "frames": {{{POSE}}}}}"#), "frames: found {"),
         ] {
             let message = read(json, None).unwrap_err().to_string();
             assert!(message.contains(key), "{json}: {message}");

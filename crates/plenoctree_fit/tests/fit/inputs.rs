@@ -417,6 +417,35 @@ fn missing_pictures_are_left_out() {
     assert_eq!(part.views[1].camera.position, whole.views[2].camera.position);
 }
 
+/// A mask is that of a lens if the frames share it that have pictures and masks, however they spell its name. Different
+/// ones are those of objects.
+#[test]
+fn masks_that_frames_share_are_ignored() {
+    let cameras = cameras(4);
+    let folder = folder("shared");
+    write_pictures(&folder, &cameras, None, |_| 1.0);
+    write_transforms(&folder, &cameras);
+    let text = fs::read_to_string(folder.join("transforms.json")).unwrap();
+    for name in ["same.png", "other.png"] {
+        image::GrayImage::from_pixel(40, 40, image::Luma([255])).save(folder.join(name)).unwrap();
+    }
+    let read = |masks: [&str; 4]| {
+        let masked = masks.iter().enumerate().fold(text.clone(), |text, (index, mask)| {
+            let (name, key) = (format!(r#""file_path":"./v_{index}""#), format!(r#""mask_path":"{mask}","#));
+            if mask.is_empty() { text } else { text.replace(&name, &format!("{key}{name}")) }
+        });
+        fs::write(folder.join("transforms.json"), masked).unwrap();
+        let input = FitInput::read(&folder, &InputFolders::default()).unwrap();
+        (input.ignored.is_some(), input.views.iter().filter(|view| view.mask.is_some()).count())
+    };
+    assert_eq!(read(["same.png"; 4]), (true, 0));
+    assert_eq!(read(["same.png", "same.png", "./same.png", ""]), (true, 0));
+    assert_eq!(read(["same.png", "same.png", "same.png", "other.png"]), (false, 4));
+    assert_eq!(read(["same.png", "", "", ""]), (false, 1));
+    fs::remove_file(folder.join("v_3.png")).unwrap();
+    assert_eq!(read(["same.png", "same.png", "same.png", "other.png"]), (true, 0));
+}
+
 /// Every kind of bad input gives an error that names the file and what is wrong with it.
 #[test]
 fn errors_name_file_and_reason() {
@@ -434,8 +463,9 @@ fn errors_name_file_and_reason() {
     fails(&good.replacen('{', r#"{"w": 44, "h": 40,"#, 1), &["v_0.png", "size", "40x40", "44x40"]);
     fails(&good.replacen('{', r#"{"h": 41,"#, 1), &["v_0.png", "size", "40x40", "a height of 41"]);
     fails(&good.replace("camera_angle_x", "angle"), &["camera_angle_x"]);
-    fails(r#"{"camera_angle_x": 0.6, "frames": []}"#, &["0 views"]);
+    fails(r#"{"camera_angle_x": 0.6, "frames": []}"#, &["frames: found []"]);
     fails("[", &["transforms.json"]);
+    fails(&good.replacen('{', r#"{"k3": 1e300,"#, 1), &["json: k3: found 1e300"]);
     let flat = r#"{"camera_angle_x": 0.6, "frames": [{"file_path": "v_0",
         "transform_matrix": [[1,0,0,0],[0,0,0,0],[0,0,1,4],[0,0,0,1]]}]}"#;
     fails(flat, &["frames[0].transform_matrix", "not a rotation"]);
@@ -463,7 +493,9 @@ fn errors_name_file_and_reason() {
     let message = read(&folder).unwrap_err();
     assert!(message.contains("v_0.png") && message.contains("44x40"), "{message}");
     write_colmap_text(&folder, &cameras, "2 PINHOLE 40 40 50 50 20 20");
-    assert!(read(&folder).unwrap_err().contains("camera 1"));
+    assert!(read(&folder).unwrap_err().contains("images.txt: image v_0.png: found camera 1"));
+    write_colmap_text(&folder, &cameras, "1 PINHOLE 40 40 50 50 20 20\n1 PINHOLE 40 40 60 60 20 20");
+    assert!(read(&folder).unwrap_err().contains("cameras.txt: camera 1: found two of this number"));
     write_colmap_text(&folder, &cameras, "\u{7} PINHOLE 40 40 50 50 20 20");
     let message = read(&folder).unwrap_err();
     assert!(message.contains("cameras.txt: line 2: found `?`"), "{message:?}");

@@ -64,12 +64,21 @@ struct Image {
 pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
     let is_binary = folder.join("cameras.bin").exists();
     let cameras_file = folder.join(if is_binary { "cameras.bin" } else { "cameras.txt" });
+    let images_file = folder.join(if is_binary { "images.bin" } else { "images.txt" });
     let (cameras, images) = if is_binary {
-        (open(&cameras_file, cameras_of)?, open(&folder.join("images.bin"), images_of)?)
+        (open(&cameras_file, cameras_of)?, open(&images_file, images_of)?)
     } else {
         let lines = Lines::open(cameras_file.clone())?;
-        (cameras_of_text(lines)?, images_of_text(Lines::open(folder.join("images.txt"))?)?)
+        (cameras_of_text(lines)?, images_of_text(Lines::open(images_file.clone())?)?)
     };
+    let (mut by_number, mut twice) = (BTreeMap::new(), None);
+    for (number, camera) in cameras {
+        twice = twice.or(by_number.insert(number, camera).map(|_| number));
+    }
+    let cameras = by_number;
+    if let Some(number) = twice {
+        return Err(FitError::found(&cameras_file, format!("camera {number}"), "two of this number", "one"));
+    }
     let (binary, text) = (folder.join("points3D.bin"), folder.join("points3D.txt"));
     let points = if binary.exists() {
         open(&binary, points_of)?
@@ -79,7 +88,7 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
         Vec::new()
     };
     if images.is_empty() {
-        return Err(FitError::found(folder, "images", "none", "at least two"));
+        return Err(FitError::found(&images_file, "images", "none", "at least two"));
     }
     if let Some(point) = points.iter().find(|point| !point.is_finite()) {
         return Err(FitError::found(folder, "points3D", point.to_string(), "finite positions"));
@@ -100,7 +109,7 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
         .map(|(image, path)| {
             let what = format!("image {}", image.name);
             let camera = cameras.get(&image.camera).ok_or_else(|| {
-                FitError::found(folder, what.clone(), format!("camera {}", image.camera), "one of the cameras")
+                FitError::found(&images_file, what.clone(), format!("camera {}", image.camera), "one of the cameras")
             })?;
             let lens = camera.lens.clone().map_err(FitError::fault(&cameras_file))?;
             let size = picture::size(&path)?;
@@ -118,7 +127,7 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
             if !(1e-6..1e6).contains(&length) || !image.translation.as_vec3().is_finite() {
                 let expected = "a quaternion and a finite translation";
                 return Err(FitError::found(
-                    folder,
+                    &images_file,
                     what,
                     format!("{} {}", image.rotation, image.translation),
                     expected,
@@ -129,7 +138,12 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
             let rotation = DMat3::from_cols(to_world.x_axis, -to_world.y_axis, -to_world.z_axis);
             let camera = maker.camera(size.0, size.1, lens.scaled(scale), rotation, position).map_err(|point| {
                 let found = format!("a lens without a direction at {point}");
-                FitError::found(folder, format!("camera {}", image.camera), found, "a lens that covers the picture")
+                FitError::found(
+                    &cameras_file,
+                    format!("camera {}", image.camera),
+                    found,
+                    "a lens that covers the picture",
+                )
             })?;
             Ok(View { name: image.name, picture: path, mask: None, camera })
         })
@@ -226,9 +240,9 @@ fn vector(file: &mut Bytes, what: &str) -> Result<DVec3, Fault> {
     Ok(DVec3::new(file.f64(what)?, file.f64(what)?, file.f64(what)?))
 }
 
-fn cameras_of(file: &mut Bytes) -> Result<BTreeMap<u64, Camera>, Fault> {
+fn cameras_of(file: &mut Bytes) -> Result<Vec<(u64, Camera)>, Fault> {
     const WHAT: &str = "cameras";
-    let mut cameras = BTreeMap::new();
+    let mut cameras = Vec::new();
     for _ in 0..file.u64(WHAT)? {
         let (id, model) = (file.u32(WHAT)?.into(), file.u32(WHAT)?);
         let (width, height) = (file.u64(WHAT)?, file.u64(WHAT)?);
@@ -237,7 +251,7 @@ fn cameras_of(file: &mut Bytes) -> Result<BTreeMap<u64, Camera>, Fault> {
             return Err(Fault::found(format!("camera {id}"), format!("model {model}"), expected));
         };
         let parameters = (0..*count).map(|_| file.f64(WHAT)).collect::<Result<Vec<_>, _>>()?;
-        cameras.insert(id, Camera { width, height, lens: lens(id, name, &parameters) });
+        cameras.push((id, Camera { width, height, lens: lens(id, name, &parameters) }));
     }
     Ok(cameras)
 }
@@ -300,13 +314,13 @@ impl Lines {
     }
 }
 
-fn cameras_of_text(file: Lines) -> Result<BTreeMap<u64, Camera>, FitError> {
-    let mut cameras = BTreeMap::new();
+fn cameras_of_text(file: Lines) -> Result<Vec<(u64, Camera)>, FitError> {
+    let mut cameras = Vec::new();
     for line in file.entries().filter(|(_, words)| !words.is_empty()) {
         let id = file.value(&line, 0)?;
         let (width, height) = (file.value(&line, 2)?, file.value(&line, 3)?);
         let parameters = (4..line.1.len()).map(|index| file.value(&line, index)).collect::<Result<Vec<_>, _>>()?;
-        cameras.insert(id, Camera { width, height, lens: lens(id, line.1[1], &parameters) });
+        cameras.push((id, Camera { width, height, lens: lens(id, line.1[1], &parameters) }));
     }
     Ok(cameras)
 }

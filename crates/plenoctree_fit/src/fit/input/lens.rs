@@ -58,7 +58,7 @@ impl Lens {
     }
 
     /// Returns the direction, not normalized, that meets the picture at `point`, or `None` if there is none: some
-    /// distortions are not defined everywhere.
+    /// distortions are not defined everywhere, and fold over outside.
     pub fn unproject(&self, point: DVec2) -> Option<DVec3> {
         let bent = (point - self.center) / self.focal;
         match self.distortion {
@@ -78,7 +78,8 @@ impl Lens {
                     angle = (angle - (fisheye(k, angle) - radius) / slope).clamp(0.0, std::f64::consts::PI);
                 }
                 let found = (fisheye(k, angle) - radius).abs() < 1e-7;
-                found.then(|| (bent * (angle.sin() / radius)).extend(angle.cos()))
+                let rises = |part: f64| fisheye(k, (part + 1e-6) * angle) > fisheye(k, part * angle);
+                (found && on_the_way(rises)).then(|| (bent * (angle.sin() / radius)).extend(angle.cos()))
             }
         }
     }
@@ -109,24 +110,36 @@ fn fisheye([k1, k2, k3, k4]: [f64; 4], angle: f64) -> f64 {
     angle * (1.0 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4))))
 }
 
-/// Finds the point that `bend` maps to `bent`, by Newton's method. Returns `None` if it does not converge.
+/// Finds the point that `bend` maps to `bent`, by Newton's method. Returns `None` if it does not converge, or if the
+/// picture folds over between the center and that point: beyond a fold, the polynomials say nothing about the lens.
 fn solve(bent: DVec2, bend: impl Fn(DVec2) -> DVec2) -> Option<DVec2> {
     const STEP: f64 = 1e-6;
+    let slopes =
+        |at: DVec2| [DVec2::X, DVec2::Y].map(|axis| (bend(at + STEP * axis) - bend(at - STEP * axis)) / (2.0 * STEP));
     let mut at = bent;
     for _ in 0..50 {
         let error = bend(at) - bent;
-        if error.length_squared() < 1e-20 {
-            return Some(at);
-        }
-        let across = (bend(at + STEP * DVec2::X) - bend(at - STEP * DVec2::X)) / (2.0 * STEP);
-        let down = (bend(at + STEP * DVec2::Y) - bend(at - STEP * DVec2::Y)) / (2.0 * STEP);
+        let [across, down] = slopes(at);
         let determinant = across.perp_dot(down);
+        if error.length_squared() < 1e-20 {
+            let unfolded = |part: f64| {
+                let [across, down] = slopes(part * at);
+                across.perp_dot(down) > 0.0
+            };
+            return (at.dot(bent) >= 0.0 && on_the_way(unfolded)).then_some(at);
+        }
         if determinant.abs() < 1e-9 {
             return None;
         }
         at -= DVec2::new(error.perp_dot(down), across.perp_dot(error)) / determinant;
     }
     None
+}
+
+/// Returns whether something holds at each of several parts of the way, up to all of it.
+fn on_the_way(holds: impl Fn(f64) -> bool) -> bool {
+    const PARTS: i32 = 16;
+    (1..=PARTS).all(|part| holds(f64::from(part) / f64::from(PARTS)))
 }
 
 #[cfg(test)]
@@ -153,6 +166,28 @@ mod tests {
                 let direction = lens.unproject(DVec2::new(x, y)).unwrap();
                 let back = lens.project(direction).unwrap();
                 prop_assert!((back - DVec2::new(x, y)).length() < 1e-4, "{distortion:?}: {back}");
+            }
+        }
+    }
+
+    /// Wherever the radius of a lens rises no further, nothing is known beyond, and everything is known within.
+    #[test]
+    fn nothing_is_beyond_a_fold() {
+        let none = [0.0; 2];
+        for (distortion, largest) in [
+            // 1 - 0.9 r^2 is 0 at 1.054, whose radius is two thirds of that.
+            (Distortion::Radial { radial: [-0.3, 0.0, 0.0, 0.0], divisor: [0.0; 3], tangential: none }, 0.70273),
+            // Rises up to 1, falls to 1.414, and rises again.
+            (Distortion::Radial { radial: [-0.5, 0.1, 0.0, 0.0], divisor: [0.0; 3], tangential: none }, 0.6),
+            (Distortion::Fisheye([-0.3, 0.0, 0.0, 0.0]), 0.70273),
+        ] {
+            let lens = Lens { focal: DVec2::ONE, center: DVec2::ZERO, distortion };
+            for step in 1..4_000 {
+                let (angle, radius) = (0.7 * f64::from(step), 1e-3 * (f64::from(step) + 0.4));
+                let point = radius * DVec2::from_angle(angle);
+                let found = lens.unproject(point);
+                assert_eq!(found.is_some(), radius < largest, "{distortion:?}: {radius}");
+                assert!(found.is_none_or(|direction| direction.truncate().dot(point) > 0.0));
             }
         }
     }

@@ -15,7 +15,7 @@ pub struct FitInput {
     pub points: Vec<DVec3>,
     /// The pictures that the input lists and that are not there. They are left out of `views`.
     pub missing: Vec<PathBuf>,
-    /// The mask that all frames of a `transforms.json` share: what is black in it is not known.
+    /// The mask that the frames of a `transforms.json` share: what is black in it is not known.
     pub ignored: Option<PathBuf>,
     /// What else users should know about the input, such as models that are left out: a sentence each, for a warning.
     pub notes: Vec<String>,

@@ -17,7 +17,7 @@ use crate::{
     file::{Fault, ply::Ply},
     fit::{
         error::FitError,
-        transforms::{Camera, File, Frame, WrongValue},
+        transforms::{Camera, DISTORTION, File, WrongValue},
     },
 };
 
@@ -30,7 +30,7 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
     let mut maker = CameraMaker::default();
     let (mut frames, mut views, mut missing) = (Vec::new(), Vec::new(), Vec::new());
     for (index, frame) in file.frames.iter().enumerate() {
-        match view(path, folders, index, frame, &file.camera, &mut maker)? {
+        match view(path, folders, index, &file, &mut maker)? {
             Listed::View(view) => {
                 frames.push(frame);
                 views.push(*view);
@@ -71,17 +71,15 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
         }
     }
     // nerfstudio writes the same mask to every frame, for parts of a lens or of a rig. Masks of objects differ.
-    let mut ignored = None;
-    let mut masks = file.frames.iter().map(|frame| frame.mask_path.as_ref());
-    if let Some(Some(first)) = masks.next()
-        && file.frames.len() > 1
-        && folders.masks.is_none()
-        && masks.all(|mask| mask == Some(first))
-    {
-        notes.push(format!("all frames have the mask {first}, so what is black in it is ignored"));
-        for view in &mut views {
-            ignored = view.mask.take().or(ignored);
-        }
+    let mut masks = views.iter().filter_map(|view| view.mask.as_ref());
+    let first = masks.next().cloned();
+    let others = masks.clone().count();
+    let most = others > 0 && 2 * (1 + others) > views.len();
+    let ignored = first.filter(|first| most && masks.all(|mask| mask == first));
+    if let Some(mask) = &ignored {
+        let (sharing, all, mask) = (1 + others, views.len(), mask.display());
+        notes.push(format!("{sharing} of {all} frames have the mask {mask}, so what is black in it is ignored"));
+        views.iter_mut().for_each(|view| view.mask = None);
     }
     let masked = views.iter().filter(|view| view.mask.is_some()).count();
     if masked > 0 {
@@ -128,16 +126,16 @@ fn view(
     path: &Path,
     folders: &InputFolders,
     index: usize,
-    frame: &Frame,
-    common: &Camera,
+    file: &File,
     maker: &mut CameraMaker,
 ) -> Result<Listed, FitError> {
     let own = own_folder(path);
     let folder = folders.pictures.as_deref().unwrap_or(own);
-    let fault = |key: &str, found: String, expected: &str| {
-        FitError::found(path, format!("frames[{index}].{key}"), found, expected)
-    };
-    let name = frame.name().ok_or_else(|| fault("file_path", "nothing".into(), "the path of a picture"))?;
+    let frame = &file.frames[index];
+    let fault = |wrong| file.fault(path, index, wrong);
+    let name = frame.name.as_ref().ok_or_else(|| {
+        FitError::found(path, format!("frames[{index}].file_path"), "nothing", "the path of a picture")
+    })?;
     let moved = folders.pictures.is_some();
     let Some(picture) = find(folder, name, moved) else { return Ok(Listed::Missing(folder.join(name))) };
     // Masks of a folder replace those that the file names.
@@ -145,12 +143,12 @@ fn view(
         Some(name) => Some(
             find(own, name, false)
                 .or_else(|| find(folder, name, moved))
-                .ok_or_else(|| fault("mask_path", format!("no file {}", own.join(name).display()), "a picture"))?,
+                .ok_or_else(|| fault(("mask_path", format!("no file {}", own.join(name).display()), "a picture")))?,
         ),
         None => None,
     };
-    let pose = frame.pose().map_err(|(key, found, expected)| fault(key, found, expected))?;
-    let own = frame.camera.clone().or(common.clone());
+    let pose = frame.pose().map_err(fault)?;
+    let own = frame.camera.clone().or(file.camera.clone());
     let size = picture::size(&picture)?;
     let stated = own.stated(size);
     // One side does not tell whether a picture is a scaled copy.
@@ -166,10 +164,10 @@ fn view(
         };
         return Err(FitError::found(&picture, "size", format!("{}x{}", size.0, size.1), expected));
     };
-    let lens = own.lens(stated.into()).map_err(|(key, found, expected)| fault(key, found, expected))?.scaled(scale);
+    let lens = own.lens(stated.into()).map_err(fault)?.scaled(scale);
     let camera =
         maker.camera(size.0, size.1, lens, DMat3::from_mat4(pose), pose.w_axis.truncate()).map_err(|point| {
-            fault("k1", format!("a lens without a direction at {point}"), "a lens that covers the picture")
+            fault(("k1", format!("a lens without a direction at {point}"), "a lens that covers the picture"))
         })?;
     Ok(Listed::View(Box::new(View { name: name.clone(), picture, mask, camera })))
 }
@@ -203,17 +201,17 @@ impl Camera {
             let expected = "OPENCV, PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV_FISHEYE";
             return Err(("camera_model", model.into(), expected));
         }
-        let k = [self.k1, self.k2, self.k3, self.k4].map(Option::unwrap_or_default);
-        let tangential = [self.p1, self.p2].map(Option::unwrap_or_default);
-        if let Some(wrong) = k.iter().chain(&tangential).find(|k| !k.is_finite() || k.abs() > 1e3) {
-            return Err(("k1", wrong.to_string(), "coefficients of distortion from -1000 to 1000"));
+        let distortion = self.distortion();
+        if let Some((key, wrong)) = DISTORTION.into_iter().zip(distortion).find(|(_, k)| k.abs() > 1e3) {
+            return Err((key, format!("{wrong:?}"), "a coefficient of distortion from -1000 to 1000"));
         }
+        let [k1, k2, k3, k4, p1, p2] = distortion;
         let distortion = if self.is_fisheye() {
-            Distortion::Fisheye(k)
-        } else if k.iter().chain(&tangential).all(|&k| k == 0.0) {
+            Distortion::Fisheye([k1, k2, k3, k4])
+        } else if distortion == [0.0; 6] {
             Distortion::None
         } else {
-            Distortion::Radial { radial: k, divisor: [0.0; 3], tangential }
+            Distortion::Radial { radial: [k1, k2, k3, k4], divisor: [0.0; 3], tangential: [p1, p2] }
         };
         Ok(Lens { focal, center, distortion })
     }
