@@ -2,16 +2,11 @@
 // labels are tones, on the layer alone. With OUTLINE, it also finds the pixels at the edges of props.
 
 #import bevy_plenoctree::filter_texel::{pack, pack_filtered, pack_shown}
-#import bevy_plenoctree::edge_owners::edge_at
+#import bevy_plenoctree::edge_owners::{edge_at, layer, owner}
 #import bevy_plenoctree::target::composited
 #import bevy_plenoctree::view::{filters, owner_of, screen, view}
 
-@group(1) @binding(0) var layer: texture_2d<f32>;
-@group(1) @binding(1) var owner: texture_2d<f32>;
-@group(1) @binding(2) var scene: texture_2d<f32>;
-#ifdef OUTLINE
-@group(1) @binding(3) var depth: texture_depth_2d;
-#endif
+@group(1) @binding(3) var scene: texture_2d<f32>;
 
 struct Fragment {
     @location(0) texel: vec4<u32>,
@@ -48,7 +43,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
 #endif
     }
 #ifdef OUTLINE
-    let edge = edge_at(layer, owner, depth, vec2<i32>(pixel));
+    let edge = edge_at(vec2<i32>(pixel));
     return Fragment(texel, edge.owners, edge.mask);
 #else
     return Fragment(texel);

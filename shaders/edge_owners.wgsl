@@ -11,6 +11,11 @@
     SMOOTHS_NOTHING, SMOOTHS_SLITS, is_drawn, is_solid, owner_of, props, scene_depth_at, screen, unpack_owner, view,
 }
 
+// The layer, as the outline pass and the composite pass bind it.
+@group(1) @binding(0) var layer: texture_2d<f32>;
+@group(1) @binding(1) var owner: texture_2d<f32>;
+@group(1) @binding(2) var depth: texture_depth_2d;
+
 // What the coverage pass finds, as in `coverage.wgsl`.
 @group(2) @binding(0) var<storage, read_write> coverage: array<u32>;
 @group(2) @binding(1) var own_rays: texture_storage_2d<rgba16float, write>;
@@ -36,7 +41,7 @@ const LEAST_TRANSMITTANCE: f32 = 0.02;
 
 // Returns whether the center of a pixel sees a part of a slit: a neighbor lets less than half as much light through. In
 // fog, neighbors differ less.
-fn is_at_slit(layer: texture_2d<f32>, pixel: vec2<i32>) -> bool {
+fn is_at_slit(pixel: vec2<i32>) -> bool {
     let transmittance = 1.0 - textureLoad(layer, pixel, 0).a;
     var least = transmittance;
     let neighbors = select(0, 8, transmittance > LEAST_TRANSMITTANCE);
@@ -50,12 +55,7 @@ fn is_at_slit(layer: texture_2d<f32>, pixel: vec2<i32>) -> bool {
 }
 
 // Returns whether a pixel is at an edge, and of which props.
-fn edge_at(
-    layer: texture_2d<f32>,
-    owner: texture_2d<f32>,
-    depth: texture_depth_2d,
-    pixel: vec2<i32>,
-) -> Edge {
+fn edge_at(pixel: vec2<i32>) -> Edge {
     let texel = textureLoad(owner, pixel, 0);
     let own = owner_of(texel);
     let owned = unpack_owner(texel);
@@ -93,14 +93,14 @@ fn edge_at(
     let kept = select(0u, own, smooths(own));
     let owners = vec2(kept, other);
     let may_have_slits = kept > 0u && props[max(kept, 1u) - 1u].smooths == SMOOTHS_SLITS;
-    ends = ends || (may_have_slits && is_at_slit(layer, pixel));
+    ends = ends || (may_have_slits && is_at_slit(pixel));
     var found = Edge(vec2(0u), inside);
     // Few pixels are at edges. A loop that runs once or never costs nothing where it runs for none of a group of pixels.
     for (var left = select(0, 1, ends && any(owners > vec2(0u))); left > 0; left--) {
         found = Edge(owners, MASK_OF_EDGES);
         var needs_rays = true;
 #ifdef ESTIMATES
-        let around = opacity_around(layer, owner, pixel, owners);
+        let around = opacity_around(pixel, owners);
         let covered = covered_rays(around);
         if around.is_known {
             needs_rays = false;
@@ -108,7 +108,7 @@ fn edge_at(
             if covered == covers_all {
                 found = Edge(vec2(0u), inside);
             } else {
-                estimate(layer, owner, depth, pixel, owners, around, covered);
+                estimate(pixel, owners, around, covered);
             }
         }
 #endif
@@ -158,7 +158,7 @@ const MOST_SLOPE: f32 = 0.4;
 const MOST_BEND: f32 = 1.6;
 
 // Returns the opacity around a pixel of two owners, as in `Edge`.
-fn opacity_around(layer: texture_2d<f32>, owner: texture_2d<f32>, pixel: vec2<i32>, owners: vec2<u32>) -> Opacity {
+fn opacity_around(pixel: vec2<i32>, owners: vec2<u32>) -> Opacity {
     let prop = max(owners.x, owners.y);
     let limit = min(props[max(prop, 1u) - 1u].min_opacity, 1.0 - view.stop_transmittance);
     let center = textureLoad(layer, pixel, 0).a;
@@ -213,15 +213,7 @@ fn covered_rays(around: Opacity) -> u32 {
 
 // Finds what the coverage pass does, from opacity, but no color of the prop: it is that of the pixel, or of the neighbor
 // that sees most of the prop.
-fn estimate(
-    layer: texture_2d<f32>,
-    owner: texture_2d<f32>,
-    depth: texture_depth_2d,
-    pixel: vec2<i32>,
-    owners: vec2<u32>,
-    around: Opacity,
-    covered: u32,
-) {
+fn estimate(pixel: vec2<i32>, owners: vec2<u32>, around: Opacity, covered: u32) {
     var shown = covered;
     var kept = 0u;
 #ifdef MULTISAMPLED

@@ -7,7 +7,7 @@
 #import bevy_plenoctree::octree::{Crossing, Ray, begin, clip, density, field, has_ended, make_ray, next_leaf}
 #import bevy_plenoctree::view::{Prop, distance_from_depth, props, scene_depth_at, solid_depth, view}
 
-// What `box.wgsl` passes to fragments.
+// What the vertex shaders of props pass to fragments.
 struct Varying {
     @builtin(position) position: vec4<f32>,
     @location(0) @interpolate(flat) prop: u32,

@@ -178,7 +178,8 @@ fn spare_cores() -> usize {
 fn threads(count: usize, name: &'static str) -> Option<rayon::ThreadPool> {
     let builder = rayon::ThreadPoolBuilder::new().num_threads(count);
     let builder = builder.thread_name(move |index| format!("{name} {index}"));
-    builder.start_handler(|_| yield_to_frames()).build().ok()
+    // A panic ends only its task, as on other threads.
+    builder.start_handler(|_| yield_to_frames()).panic_handler(|_| {}).build().ok()
 }
 
 #[cfg(test)]

@@ -46,7 +46,7 @@ impl AssetLoader for PlenOctreeLoader {
         let (file, settings) = (context.path().to_string(), settings.clone());
         let mut progress = self.files.watch(context.path().clone());
         let read = progress.read(reader).await;
-        let bytes = read.map_err(|error| ReadError { file: file.clone(), fault: error.into() })?;
+        let bytes = read.map_err(|error| ReadError::new(&file, error.into()))?;
         background::read(move || PlenOctree::read_from(Cursor::new(bytes), &file, &settings)).await
     }
 

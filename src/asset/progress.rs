@@ -1,10 +1,10 @@
 //! How much of each file has been read.
 
 use std::{
-    collections::{HashMap, hash_map::Entry},
+    collections::HashMap,
     io::{self, SeekFrom},
     sync::{
-        Arc, Mutex, MutexGuard, PoisonError,
+        Arc, Mutex, MutexGuard, PoisonError, Weak,
         atomic::{AtomicU32, Ordering},
     },
 };
@@ -21,7 +21,10 @@ const CHUNK: usize = 1 << 18;
 /// The files that are being read, and the fraction of each that has been. A file may be read several times at once, with
 /// other settings.
 #[derive(Resource, Clone, Default)]
-pub(crate) struct FilesRead(Arc<Mutex<HashMap<AssetPath<'static>, Vec<Arc<Share>>>>>);
+pub(crate) struct FilesRead(Arc<Mutex<Watched>>);
+
+/// How much of each file has been read, while it is.
+type Watched = HashMap<AssetPath<'static>, Vec<Weak<Share>>>;
 
 /// A fraction from 0 to 1, as bits.
 type Share = AtomicU32;
@@ -29,28 +32,29 @@ type Share = AtomicU32;
 impl FilesRead {
     /// Returns the fraction of a file that has been read, from 0 to 1, or `None` if it is not being read.
     pub fn share(&self, file: &AssetPath<'static>) -> Option<f32> {
-        let share = |share: &Arc<Share>| f32::from_bits(share.load(Ordering::Relaxed));
-        self.files().get(file)?.iter().map(share).reduce(f32::min)
+        let share = |share: &Weak<Share>| Some(f32::from_bits(share.upgrade()?.load(Ordering::Relaxed)));
+        self.files().get(file)?.iter().filter_map(share).reduce(f32::min)
     }
 
     /// Watches a file until the result is dropped.
     pub(super) fn watch(&self, file: AssetPath<'static>) -> FileRead {
         let share = Arc::<Share>::default();
-        self.files().entry(file.clone()).or_default().push(share.clone());
-        FileRead { files: self.clone(), file, share }
+        let mut files = self.files();
+        files.retain(|_, shares| {
+            shares.retain(|share| share.strong_count() > 0);
+            !shares.is_empty()
+        });
+        files.entry(file).or_default().push(Arc::downgrade(&share));
+        FileRead(share)
     }
 
-    fn files(&self) -> MutexGuard<'_, HashMap<AssetPath<'static>, Vec<Arc<Share>>>> {
+    fn files(&self) -> MutexGuard<'_, Watched> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 /// A file that is being read.
-pub(super) struct FileRead {
-    files: FilesRead,
-    file: AssetPath<'static>,
-    share: Arc<Share>,
-}
+pub(super) struct FileRead(Arc<Share>);
 
 impl FileRead {
     /// Reads the whole file. Counts its parts as they arrive, if the asset source knows its length.
@@ -69,25 +73,13 @@ impl FileRead {
                 }
                 bytes.extend_from_slice(&chunk[..read]);
                 let share = (bytes.len() as f64 / length.max(1) as f64).min(1.0) as f32;
-                self.share.store(share.to_bits(), Ordering::Relaxed);
+                self.0.store(share.to_bits(), Ordering::Relaxed);
             }
         } else {
             reader.read_to_end(&mut bytes).await?;
         }
-        self.share.store(1f32.to_bits(), Ordering::Relaxed);
+        self.0.store(1f32.to_bits(), Ordering::Relaxed);
         Ok(bytes)
-    }
-}
-
-impl Drop for FileRead {
-    fn drop(&mut self) {
-        let mut files = self.files.files();
-        if let Entry::Occupied(mut watched) = files.entry(self.file.clone()) {
-            watched.get_mut().retain(|share| !Arc::ptr_eq(share, &self.share));
-            if watched.get().is_empty() {
-                watched.remove();
-            }
-        }
     }
 }
 

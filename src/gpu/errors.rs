@@ -90,6 +90,7 @@ impl Allocator {
         usage: BufferUsages,
     ) -> Option<Buffer> {
         if usage.contains(BufferUsages::STORAGE) && size > device.limits().max_storage_buffer_binding_size {
+            self.failed.get_or_insert_with(Instant::now);
             return None;
         }
         let descriptor = BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };

@@ -79,8 +79,8 @@ pub struct PaletteExtraction {
     ///
     /// Defaults to [`PaletteSampler::Auto`].
     pub sampler: PaletteSampler,
-    /// The GPU time per frame that sampling may take. There are at least about 65,000 rays in a frame, however small it
-    /// is. Palettes of tones then look at the field from afar, in seven views of 96 x 96 rays per frame. With `None`,
+    /// The GPU time per frame that sampling may take. In frames that sample, there are at least about 65,000 rays, however
+    /// small it is. Palettes of tones then look at the field from afar, in seven views of 96 x 96 rays per frame. With `None`,
     /// all of it happens in a single frame, which is meant for apps without a window. Changes take effect at once.
     ///
     /// Defaults to 4 ms.

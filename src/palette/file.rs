@@ -10,10 +10,7 @@ use bevy::{
     prelude::*,
     tasks::{IoTaskPool, block_on, poll_once},
 };
-use plenoctree::{
-    PlenOctree,
-    palette::{Palette, PaletteFileError},
-};
+use plenoctree::palette::{Palette, PaletteFileError};
 
 use super::{
     posterized::Posterized,
@@ -101,15 +98,8 @@ pub(super) fn load(
     server: Res<AssetServer>,
     loaded: Res<Assets<Palette>>,
     mut changes: MessageReader<AssetEvent<Palette>>,
-    mut fields: MessageReader<AssetEvent<PlenOctree>>,
 ) {
     let Palettes { by_field, files, arrived, .. } = palettes.bypass_change_detection();
-    for event in fields.read() {
-        // A field whose handles are gone before it is loaded is unused, but never removed.
-        if let AssetEvent::Removed { id } | AssetEvent::Unused { id } = event {
-            files.remove(id);
-        }
-    }
     for event in changes.read() {
         for file in files.values_mut() {
             match file {

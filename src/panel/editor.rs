@@ -5,6 +5,7 @@ use bevy::{ecs::system::SystemParam, prelude::*};
 use plenoctree::{PlenOctree, palette::RampAdjustment};
 
 use crate::{
+    camera::PosterizeView,
     palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
     posterize::Posterize,
     prop::Prop,
@@ -19,6 +20,7 @@ pub struct PaletteEditor<'w, 's> {
     pub(super) fields: Res<'w, Assets<PlenOctree>>,
     pub(super) server: Option<Res<'w, AssetServer>>,
     props: Query<'w, 's, PropData>,
+    views: Query<'w, 's, (&'static PosterizeView, &'static mut PaletteOverride), Without<Prop>>,
 }
 
 type PropData = (
@@ -128,7 +130,7 @@ impl PaletteEditor<'_, '_> {
         }
     }
 
-    /// Lets the overrides of all props of a field follow the new name of a ramp.
+    /// Lets the overrides of all props and posterized views of a field follow the new name of a ramp.
     fn rename_in_overrides(&mut self, field: AssetId<PlenOctree>, old: &str, new: &str) {
         for (prop, .., stashed, own) in &mut self.props {
             if let Some(mut stashed) = stashed.filter(|stashed| stashed.1 == field) {
@@ -137,6 +139,11 @@ impl PaletteEditor<'_, '_> {
             if let Some(mut own) = own.filter(|_| prop.0.id() == field)
                 && own.bypass_change_detection().rename_ramp(old, new)
             {
+                own.set_changed();
+            }
+        }
+        for (view, mut own) in &mut self.views {
+            if view.0.id() == field && own.bypass_change_detection().rename_ramp(old, new) {
                 own.set_changed();
             }
         }

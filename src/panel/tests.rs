@@ -9,6 +9,7 @@ use super::{PaletteEditor, palette_ui};
 use plenoctree::{Activation, Basis, Cell, Frame, PlenOctree, UpAxis, palette::Palette};
 
 use crate::{
+    camera::PosterizeView,
     palette::{FieldPalette, PaletteExtraction, PaletteOverride, Palettes},
     posterize::{EdgeSmoothing, Posterize},
     prop::Prop,
@@ -215,7 +216,8 @@ fn ramps_are_renamed() {
     assert_eq!(panel.palette().ramps()[1].name, "foot");
 }
 
-/// Overrides refer to ramps by name: those of other props of the field follow, also if they are put away.
+/// Overrides refer to ramps by name: those of other props and of posterized views of the field follow, also if they are
+/// put away.
 #[test]
 fn overrides_follow_the_names_of_ramps() {
     let mut panel = Panel::new();
@@ -226,13 +228,14 @@ fn overrides_follow_the_names_of_ramps() {
     let field = fields.get(&panel.field).unwrap().clone();
     let other = fields.add(field);
     let siblings = [panel.field.clone(), other].map(|field| panel.world.spawn((Prop(field), red.clone())).id());
+    let view = panel.world.spawn((PosterizeView(panel.field.clone()), red.clone())).id();
     panel.world.entity_mut(panel.prop).insert(red.clone());
     panel.click("Override colors");
     panel.click("stem");
     panel.replace("foot");
     panel.click("Override colors");
     assert_eq!(panel.palette().ramps()[1].name, "foot");
-    for prop in [panel.prop, siblings[0]] {
+    for prop in [panel.prop, siblings[0], view] {
         assert_eq!(panel.world.get::<PaletteOverride>(prop).unwrap().shown(panel.palette()), expected);
     }
     assert_eq!(panel.world.get(siblings[1]), Some(&red));

@@ -24,7 +24,7 @@ use bevy::{
 
 use super::{
     extract::{ExtractedProps, VisibleProps},
-    frame::{Comparison, Draw, Pass, Pipelines, PropView, RaySet, Slot},
+    frame::{Comparison, Pass, Pipelines, PropView, RaySet, Slot},
     passes,
     plan::{Feature, Known, Plan, choose_levels, decide, drawn_viewport, look_ahead},
     uniforms::PaletteBuffer,
@@ -171,6 +171,9 @@ pub(super) fn plan_views(
             let lit = passes::lit_props(plan, &extracted, &mut view.shades);
             buffers.lit.set(&device, &queue, "plenoctree_lit", BufferUsages::STORAGE, &lit);
             buffers.shades.set(&device, &queue, "plenoctree_shades", BufferUsages::STORAGE, &view.shades.colors);
+        } else {
+            view.shades = default();
+            (buffers.lit, buffers.shades) = default();
         }
         if has_memory {
             rests |= cached.decide(&device, passes, textures, buffers, left_out < LeftOut::More, plan);
@@ -204,7 +207,7 @@ fn plan(
     let (mut missing, mut left_out) = (vec![], LeftOut::Nothing);
     let mut may_hold = known.last.keeps(Feature::Base) && *held_frames < MOST_HELD_FRAMES;
     loop {
-        let Some(plan) = decide(known, &missing, None) else {
+        let Some(mut plan) = decide(known, &missing, None) else {
             return (None, left_out);
         };
         // Textures of the scene follow these.
@@ -222,9 +225,14 @@ fn plan(
         match lack.feature {
             None => {
                 *held_frames = 0;
+                plan.props.iter_mut().for_each(|prop| prop.is_left_out = lack.props.contains(&prop.entity));
                 return (Some((plan, passes)), if lack.is_any { LeftOut::More } else { left_out });
             }
-            Some(Feature::Base) => return (Some((plan, vec![])), LeftOut::More),
+            Some(Feature::Base) => {
+                // No labels are drawn that the next frame may keep.
+                let plan = Plan { former: None, keeps_labels: false, ..plan };
+                return (Some((plan, vec![])), LeftOut::More);
+            }
             Some(feature) => {
                 missing.push(feature);
                 let fails = feature == Feature::Stages && lack.fails;
@@ -245,6 +253,8 @@ struct Lack {
     fails: bool,
     /// Whether the last frame drew some of it.
     was_drawn: bool,
+    /// The props that are not drawn.
+    props: EntityHashSet,
 }
 
 /// Returns the passes of a plan with their pipelines, without the props whose pipelines are not ready.
@@ -256,11 +266,16 @@ fn with_pipelines(plan: &Plan, last: &Plan, pipelines: &mut Pipelines, cache: &P
         if ready.iter().any(Option::is_none) {
             lack.is_any = true;
             if pass.may_leave_out_props() {
-                let drawn: EntityHashSet = last.props.iter().map(|prop| prop.entity).collect();
-                let was_drawn = |draw: &Draw| draw.prop_of(plan).is_some_and(|prop| drawn.contains(&prop.entity));
+                let drawn = last.props.iter().filter(|prop| !prop.is_left_out);
+                let drawn: EntityHashSet = drawn.map(|prop| prop.entity).collect();
+                // The others only find out what hides props.
+                let draws_props = matches!(pass.writes[..], [Slot::Color(_), ..]);
                 pass.draws.retain(|draw| {
                     let is_ready = ready.get(draw.program).is_some_and(Option::is_some);
-                    lack.was_drawn |= !is_ready && was_drawn(draw);
+                    if let Some(prop) = draw.prop_of(plan).filter(|_| !is_ready) {
+                        lack.was_drawn |= drawn.contains(&prop.entity);
+                        lack.props.extend(draws_props.then_some(prop.entity));
+                    }
                     is_ready
                 });
             } else if lack.feature.is_none() {

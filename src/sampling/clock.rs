@@ -8,11 +8,13 @@ use std::{
 use bevy::{
     platform::time::Instant,
     render::{
-        render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoder, MapMode},
+        render_resource::{
+            BufferDescriptor, BufferUsages, CommandEncoderDescriptor, ComputePass, ComputePassDescriptor, MapMode,
+        },
         renderer::{RenderDevice, RenderQueue},
     },
 };
-use wgpu::{ComputePassTimestampWrites, Features, QuerySet, QuerySetDescriptor, QueryType};
+use wgpu::{ComputePassTimestampWrites, Features, QuerySetDescriptor, QueryType};
 
 /// The longest time for which a slice waits for other work of a frame, and its end to be noticed, without being slow
 /// itself, in seconds.
@@ -53,72 +55,56 @@ impl Pace {
     }
 }
 
-/// Measures one submission: with GPU timestamps if it must be accurate and the adapter supports them, otherwise in
-/// wall-clock time.
+/// Measures one submission.
 pub(super) struct SliceClock {
     /// The number of leaves in the slice, or 0 if it is one of views.
     pub leaves: u32,
+    /// Whether it measures only the time that the GPU takes.
+    pub is_accurate: bool,
     seconds: Arc<OnceLock<f64>>,
-    timestamps: Option<Timestamps>,
-}
-
-struct Timestamps {
-    queries: QuerySet,
-    resolved: Buffer,
-    readable: Buffer,
 }
 
 impl SliceClock {
-    pub fn new(leaves: u32, is_accurate: bool, device: &RenderDevice) -> Self {
-        let has_timestamps = device.features().contains(Features::TIMESTAMP_QUERY);
-        let timestamps = (is_accurate && has_timestamps).then(|| {
-            let buffer = |usage| {
-                let label = Some("plenoctree_slice_clock");
-                device.create_buffer(&BufferDescriptor { label, size: 16, usage, mapped_at_creation: false })
-            };
-            Timestamps {
-                queries: device.wgpu_device().create_query_set(&QuerySetDescriptor {
-                    label: Some("plenoctree_slice_clock"),
-                    ty: QueryType::Timestamp,
-                    count: 2,
-                }),
-                resolved: buffer(BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC),
-                readable: buffer(BufferUsages::MAP_READ | BufferUsages::COPY_DST),
-            }
+    /// Submits a compute pass with what `record` adds to it, and measures it: with GPU timestamps if that must be
+    /// accurate and the adapter supports them, otherwise in wall-clock time.
+    pub fn submit(
+        label: &str,
+        leaves: u32,
+        is_accurate: bool,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+        record: impl FnOnce(&mut ComputePass),
+    ) -> Self {
+        let is_accurate = is_accurate && device.features().contains(Features::TIMESTAMP_QUERY);
+        let timestamps = is_accurate.then(|| {
+            let label = Some("plenoctree_slice_clock");
+            let buffer =
+                |usage| device.create_buffer(&BufferDescriptor { label, size: 16, usage, mapped_at_creation: false });
+            let descriptor = QuerySetDescriptor { label, ty: QueryType::Timestamp, count: 2 };
+            let queries = device.wgpu_device().create_query_set(&descriptor);
+            let resolved = buffer(BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC);
+            (queries, resolved, buffer(BufferUsages::MAP_READ | BufferUsages::COPY_DST))
         });
-        Self { leaves, seconds: Arc::default(), timestamps }
-    }
-
-    /// Returns the timestamp writes for the slice's compute pass.
-    pub fn writes(&self) -> Option<ComputePassTimestampWrites<'_>> {
-        self.timestamps.as_ref().map(|timestamps| ComputePassTimestampWrites {
-            query_set: &timestamps.queries,
+        let timestamp_writes = timestamps.as_ref().map(|(query_set, ..)| ComputePassTimestampWrites {
+            query_set,
             beginning_of_pass_write_index: Some(0),
             end_of_pass_write_index: Some(1),
-        })
-    }
-
-    /// Resolves the timestamps. Call this after the pass, before the encoder is submitted.
-    pub fn resolve(&self, encoder: &mut CommandEncoder) {
-        if let Some(Timestamps { queries, resolved, readable }) = &self.timestamps {
+        });
+        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
+        record(&mut encoder.begin_compute_pass(&ComputePassDescriptor { label: Some(label), timestamp_writes }));
+        if let Some((queries, resolved, readable)) = &timestamps {
             encoder.resolve_query_set(queries, 0..2, resolved, 0);
             encoder.copy_buffer_to_buffer(resolved, 0, readable, 0, 16);
         }
-    }
-
-    /// Starts the clock. Call this right after the encoder is submitted.
-    pub fn start(&self, queue: &RenderQueue) {
-        let seconds = self.seconds.clone();
-        let start = Instant::now();
-        let Some(timestamps) = &self.timestamps else {
-            queue.on_submitted_work_done(move || {
-                let _ = seconds.set(start.elapsed().as_secs_f64());
-            });
-            return;
+        queue.submit([encoder.finish()]);
+        let clock = Self { leaves, is_accurate, seconds: Arc::default() };
+        let (start, seconds) = (Instant::now(), clock.seconds.clone());
+        let Some((.., readable)) = timestamps else {
+            queue.on_submitted_work_done(move || _ = seconds.set(start.elapsed().as_secs_f64()));
+            return clock;
         };
         let nanoseconds = f64::from(queue.get_timestamp_period());
-        let readable = timestamps.readable.clone();
-        timestamps.readable.slice(..).map_async(MapMode::Read, move |result| {
+        readable.clone().slice(..).map_async(MapMode::Read, move |result| {
             // If the device was lost, there is nothing to read, but the slice still has to count as done.
             let ticks = result.ok().map(|()| {
                 let mapped = readable.slice(..).get_mapped_range();
@@ -128,11 +114,7 @@ impl SliceClock {
             let measured = ticks.map_or_else(|| start.elapsed().as_secs_f64(), |t| t as f64 * nanoseconds * 1e-9);
             let _ = seconds.set(measured);
         });
-    }
-
-    /// Returns whether it measures only the time that the GPU takes.
-    pub fn is_accurate(&self) -> bool {
-        self.timestamps.is_some()
+        clock
     }
 
     /// Returns the time of the slice in seconds, once it is done.

@@ -1,4 +1,4 @@
-//! The compute pipeline for sampling.
+//! The compute pipelines for sampling leaves and looking at views.
 
 use bevy::{
     prelude::*,

@@ -8,7 +8,7 @@ use bevy::{
         render_asset::RenderAssets,
         render_resource::{
             BindGroupEntries, BindGroupLayout, Buffer, BufferUsages, CachedPipelineState, CommandEncoderDescriptor,
-            ComputePassDescriptor, ComputePipeline, MapMode, PipelineCache, SpecializedComputePipelines,
+            ComputePipeline, MapMode, PipelineCache, SpecializedComputePipelines,
         },
         renderer::{RenderDevice, RenderQueue},
     },
@@ -23,7 +23,7 @@ use super::{
     pipeline::{Sampled, SamplingPipeline, SliceUniform},
     views::Views,
 };
-use crate::gpu::{Allocator, GpuField, GpuLevel, SAMPLING_WORKGROUP, buffer_with};
+use crate::gpu::{Allocator, GpuField, GpuLevel, SAMPLING_WORKGROUP, buffer_with, pipelines::is_loading};
 
 /// The approximate minimum number of rays in a slice, and the number in the first one, before the speed of the GPU is
 /// known.
@@ -100,7 +100,7 @@ pub(super) fn advance_sampling(
     let mut find = |sampled| {
         let id = pipelines.specialize(&cache, &pipeline, (current.field.shape, sampled));
         match cache.get_compute_pipeline_state(id) {
-            CachedPipelineState::Err(error) => Err(SamplingFailure::Pipeline(error.to_string())),
+            CachedPipelineState::Err(error) if !is_loading(error) => Err(SamplingFailure::Pipeline(error.to_string())),
             _ => Ok(cache.get_compute_pipeline(id)),
         }
     };
@@ -200,7 +200,7 @@ impl Active {
     ) -> Result<(), SamplingFailure> {
         for clock in &self.in_flight {
             if let Some(seconds) = clock.seconds() {
-                self.pace.add(clock.leaves, seconds, clock.is_accurate());
+                self.pace.add(clock.leaves, seconds, clock.is_accurate);
                 self.job.progress.advance(clock.leaves as usize);
             }
         }
@@ -273,25 +273,13 @@ impl Active {
                 self.lattice.as_entire_buffer_binding(),
             )),
         );
-        let clock = SliceClock::new(leaves, self.budget.is_some(), device);
-        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
-                label: Some("plenoctree_sampling"),
-                timestamp_writes: clock.writes(),
-            });
+        let directions = self.job.settings.sampling.direction_cells() as u32;
+        let clock = SliceClock::submit("plenoctree_sampling", leaves, self.budget.is_some(), device, queue, |pass| {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &bind_group, &[]);
             pass.set_bind_group(1, &self.field.bind_group, &[]);
-            pass.dispatch_workgroups(
-                leaves.div_ceil(SAMPLING_WORKGROUP),
-                self.job.settings.sampling.direction_cells() as u32,
-                1,
-            );
-        }
-        clock.resolve(&mut encoder);
-        queue.submit([encoder.finish()]);
-        clock.start(queue);
+            pass.dispatch_workgroups(leaves.div_ceil(SAMPLING_WORKGROUP), directions, 1);
+        });
         self.next += leaves;
         self.last_leaves = leaves;
         self.in_flight.push(clock);
@@ -300,14 +288,14 @@ impl Active {
 
     /// Looks at the next slice of views. Returns whether there was one.
     fn look(&mut self, pipeline: Option<&ComputePipeline>, device: &RenderDevice, queue: &RenderQueue) -> bool {
-        let views = self.views.as_mut().filter(|views| !views.is_done());
-        let Some((views, pipeline)) = views.zip(pipeline) else { return false };
-        let clock = SliceClock::new(0, self.budget.is_some(), device);
-        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
-        views.record(&mut encoder, pipeline, &self.field, &clock);
-        clock.resolve(&mut encoder);
-        queue.submit([encoder.finish()]);
-        clock.start(queue);
+        let Some((views, pipeline)) = self.views.as_mut().zip(pipeline) else { return false };
+        let Some((group, [x, y, z])) = views.next() else { return false };
+        let clock = SliceClock::submit("plenoctree_views", 0, self.budget.is_some(), device, queue, |pass| {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &group, &[]);
+            pass.set_bind_group(1, &self.field.bind_group, &[]);
+            pass.dispatch_workgroups(x, y, z);
+        });
         self.in_flight.push(clock);
         true
     }

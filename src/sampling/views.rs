@@ -1,12 +1,7 @@
 //! What parallel rays see of a field, in compute passes. Palettes of tones are found among these colors.
 
-use std::sync::Arc;
-
 use bevy::render::{
-    render_resource::{
-        BindGroup, BindGroupEntries, BindGroupLayout, Buffer, BufferBinding, BufferSize, BufferUsages, CommandEncoder,
-        ComputePassDescriptor, ComputePipeline,
-    },
+    render_resource::{BindGroup, BindGroupEntries, BindGroupLayout, Buffer, BufferBinding, BufferSize, BufferUsages},
     renderer::{RenderDevice, RenderQueue},
 };
 use glam::DVec3;
@@ -15,9 +10,8 @@ use plenoctree::{PlenOctree, sampling::ViewRays};
 use super::{
     SamplingFailure, SamplingJob,
     buffers::{buffer, storage},
-    clock::SliceClock,
 };
-use crate::gpu::{Allocator, GpuLevel, tree_depth};
+use crate::gpu::{Allocator, tree_depth};
 
 /// The side of a workgroup. Matches `see.wgsl`.
 const SIDE: usize = 8;
@@ -69,22 +63,10 @@ impl Views {
         self.waiting.is_empty()
     }
 
-    /// Looks along all rays of another slice.
-    pub fn record(
-        &mut self,
-        encoder: &mut CommandEncoder,
-        pipeline: &ComputePipeline,
-        field: &Arc<GpuLevel>,
-        clock: &SliceClock,
-    ) {
-        let Some((group, count)) = self.waiting.pop() else { return };
-        let descriptor = ComputePassDescriptor { label: Some("plenoctree_views"), timestamp_writes: clock.writes() };
-        let mut pass = encoder.begin_compute_pass(&descriptor);
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &group, &[]);
-        pass.set_bind_group(1, &field.bind_group, &[]);
+    /// Takes another slice, if there is one: its bind group, and the numbers of its workgroups.
+    pub fn next(&mut self) -> Option<(BindGroup, [u32; 3])> {
         let side = (ViewRays::SIDE / SIDE) as u32;
-        pass.dispatch_workgroups(side, side, count);
+        self.waiting.pop().map(|(group, views)| (group, [side, side, views]))
     }
 }
 

@@ -13,7 +13,7 @@ use plenoctree::{
 use super::stage::{
     Stage,
     fields::{SOLID, activated, cube, field},
-    pixels::{assert_near, difference, is_off, middle},
+    pixels::{assert_near, difference_of_prop, is_off, middle},
 };
 
 const SIZE: u32 = 96;
@@ -70,10 +70,10 @@ fn every_basis_matches_the_reference() {
         let ball = ball(basis);
         for activation in [Activation::Sigmoid, Activation::ShiftedRelu, Activation::Identity] {
             let field = activated(&ball, activation);
-            let expected = reference::render(&field, &pinhole()).over(DVec3::ONE);
+            let expected = reference::render(&field, &pinhole());
             let scene = scene.get_or_insert_with(|| self::scene(&field));
             scene.show(&field);
-            let difference = difference(&scene.capture(), &expected);
+            let difference = difference_of_prop(&scene.capture(), &expected, DVec3::ONE);
             // Rounding to 8 bits alone makes a difference of 0.29; 50 dB is a difference of 0.8.
             assert!(difference < 0.4, "{basis:?} {activation:?}: {difference}");
         }
@@ -88,10 +88,10 @@ fn packed_fields_match_the_reference() {
         let settings = PackSettings { rows: 300, ..default() };
         let packed = Packed::new(&ball(basis), &settings, &Progress::default()).unwrap();
         let field = packed.field();
-        let expected = reference::render(field, &pinhole()).over(DVec3::ONE);
+        let expected = reference::render(field, &pinhole());
         let scene = scene.get_or_insert_with(|| self::scene(field));
         scene.show(field);
-        let difference = difference(&scene.capture(), &expected);
+        let difference = difference_of_prop(&scene.capture(), &expected, DVec3::ONE);
         assert!(difference < 0.4, "{basis:?}: {difference}");
         let codebook = field.codebook().unwrap();
         let fields = scene.render_world().resource::<RenderAssets<GpuField>>();

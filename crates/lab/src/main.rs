@@ -15,7 +15,7 @@ mod tradeoff;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use plenoctree_cli::{console, result::Result};
+use plenoctree_cli::{console, files, result::Result};
 
 /// Measure what the docs of the project report, and bake its props.
 #[derive(Parser)]
@@ -38,7 +38,12 @@ enum Command {
 }
 
 impl CommandLine {
+    /// Runs the subcommand. If it fails, it leaves nothing unfinished behind.
     fn run(&self) -> Result {
+        self.finish().inspect_err(|_| files::clean_up())
+    }
+
+    fn finish(&self) -> Result {
         match &self.command {
             Command::Tradeoff(arguments) => tradeoff::run(arguments),
             Command::Coherence(arguments) => coherence::run(arguments),

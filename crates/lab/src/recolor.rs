@@ -1,14 +1,15 @@
 //! Automatic recolorings, to show and measure recolored frames.
 
+use bevy::color::{Hsva, Srgba};
 use plenoctree::palette::Palette;
 
 /// HSV chroma above which a palette color has a hue.
-const CHROMATIC: f64 = 0.1;
+const CHROMATIC: f32 = 0.1;
 /// The angle between hues that count as the same, in degrees.
-const SAME: f64 = 40.0;
+const SAME: f32 = 40.0;
 /// The share of the main color's saturation from which a color of the same hue counts as a shade of it. Less saturated
 /// ones look gray or, if the main color is red, tan.
-const SHADE: f64 = 0.75;
+const SHADE: f32 = 0.75;
 
 /// Turns the hue of every color by 180 degrees, at the same HSV saturation and value.
 ///
@@ -25,37 +26,21 @@ pub fn opposite_hues(colors: &[[f64; 3]]) -> Vec<[f64; 3]> {
 ///
 /// The main hue is that of the color with the largest product of weight and chroma. Palettes without one are unchanged.
 pub fn opposite_main_hue(palette: &Palette) -> Vec<[f64; 3]> {
-    let chromas: Vec<(f64, f64)> = palette.colors.iter().map(hue_and_chroma).collect();
-    let strength = |index: &usize| palette.weights[*index] * chromas[*index].1;
-    let chromatic = (0..chromas.len()).filter(|&index| chromas[index].1 >= CHROMATIC);
+    let hsv = |&[r, g, b]: &[f64; 3]| Hsva::from(Srgba::rgb(r as f32, g as f32, b as f32));
+    let hsv: Vec<Hsva> = palette.colors.iter().map(hsv).collect();
+    let chroma = |index: usize| hsv[index].saturation * hsv[index].value;
+    let strength = |index: &usize| palette.weights[*index] * f64::from(chroma(*index));
+    let chromatic = (0..hsv.len()).filter(|&index| chroma(index) >= CHROMATIC);
     let Some(main) = chromatic.max_by(|a, b| strength(a).total_cmp(&strength(b))) else {
         return palette.colors.clone();
     };
     let turned = opposite_hues(&palette.colors);
     let same = |index: usize| {
-        let (hue, chroma) = chromas[index];
-        let apart = (hue - chromas[main].0).rem_euclid(360.0);
-        let saturation =
-            |index: usize| chromas[index].1 / palette.colors[index].iter().fold(0.0, |a: f64, b| a.max(*b));
-        chroma >= CHROMATIC && apart.min(360.0 - apart) <= SAME && saturation(index) >= SHADE * saturation(main)
+        let apart = (hsv[index].hue - hsv[main].hue).rem_euclid(360.0);
+        let is_shade = hsv[index].saturation >= SHADE * hsv[main].saturation;
+        chroma(index) >= CHROMATIC && apart.min(360.0 - apart) <= SAME && is_shade
     };
-    (0..chromas.len()).map(|index| if same(index) { turned[index] } else { palette.colors[index] }).collect()
-}
-
-/// Returns the hue in degrees and the chroma of HSV.
-fn hue_and_chroma([r, g, b]: &[f64; 3]) -> (f64, f64) {
-    let high = r.max(*g).max(*b);
-    let chroma = high - r.min(*g).min(*b);
-    let sector = if chroma <= 0.0 {
-        0.0
-    } else if high == *r {
-        (g - b) / chroma
-    } else if high == *g {
-        2.0 + (b - r) / chroma
-    } else {
-        4.0 + (r - g) / chroma
-    };
-    ((60.0 * sector).rem_euclid(360.0), chroma)
+    (0..hsv.len()).map(|index| if same(index) { turned[index] } else { palette.colors[index] }).collect()
 }
 
 #[cfg(test)]

@@ -64,6 +64,10 @@ pub fn load(path: &Path, arguments: CaptureArguments, quiet: bool) -> Result<Spl
     let mut splats = Splats::read(path, &SplatSettings { spz_axes })?;
     splats.set_antialiased(splats.antialiased() || arguments.antialiased);
     spinner.finish_and_clear();
+    let is_spz = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("spz"));
+    if arguments.spz_axes.is_some() && !is_spz {
+        console::complain!("warning: {}: --spz-axes is only for SPZ files", path.display());
+    }
     if splats.assumes_axes() {
         console::complain!(
             "warning: {}: does not record its axes; if it is upside down, as files of splat-transform 3, SuperSplat \

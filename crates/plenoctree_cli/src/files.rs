@@ -159,7 +159,7 @@ pub fn check_outside<'a>(folder: &Path, inputs: impl IntoIterator<Item = &'a Pat
     match inputs.into_iter().find(|input| place(input).is_some_and(|input| input.starts_with(&folder))) {
         Some(input) => {
             let folder = folder.display();
-            Err(format!("{}: is in {folder}, where the previews go; choose another --out", input.display()).into())
+            Err(format!("{}: is in {folder}, which is written to; choose another --out", input.display()).into())
         }
         None => Ok(()),
     }

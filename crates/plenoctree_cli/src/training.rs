@@ -12,7 +12,7 @@ use std::{
 use indicatif::ProgressBar;
 use plenoctree_fit::{FitError, FitProgress};
 
-use crate::{console, progress, result::Result};
+use crate::{console, files, progress, result::Result};
 
 /// Steps of the progress bar.
 const STEPS: u64 = 1000;
@@ -82,6 +82,7 @@ impl Interruption {
         result.map_err(|error| match error {
             FitError::Stopped => {
                 console::complain!("{NO_RESULT}");
+                files::clean_up();
                 process::exit(INTERRUPTED)
             }
             FitError::Views { .. } | FitError::Empty => format!("{}: {error}", input.display()).into(),

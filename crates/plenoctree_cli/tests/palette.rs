@@ -12,11 +12,12 @@ use plenoctree::{
     sampling::Progress,
 };
 
-/// The palette is saved next to the field and equals the one that the library extracts.
+/// The palette is saved next to the field, equals the one that the library extracts, and is printed and drawn by ramp.
 #[test]
 fn the_palette_equals_that_of_the_library() {
-    let field = ball(&folder("palette_default"));
-    let printed = succeed(&["palette", text(&field)]);
+    let folder = folder("palette_default");
+    let (field, image) = (ball(&folder), folder.join("p.png"));
+    let printed = succeed(&["palette", text(&field), "--image", text(&image)]);
     let found = Palette::read(field.with_file_name("ball.palette.json")).unwrap();
     assert!(printed.contains("ball.palette.json"), "{printed}");
     assert_eq!(printed.matches('#').count(), found.colors.len());
@@ -27,6 +28,12 @@ fn the_palette_equals_that_of_the_library() {
     assert_eq!(found, expected.palette);
     let rmse = format!("a channel of the field is off by {:.2} of 255", 255.0 * expected.report.errors.rmse);
     assert!(printed.contains(&rmse), "{printed}");
+    assert!(!found.ramps.is_empty());
+    for (index, ramp) in found.ramps.iter().enumerate() {
+        assert!(printed.contains(&format!("ramp {index}: {}, ", ramp.name)), "{printed}");
+    }
+    let longest = found.ramps.iter().map(|ramp| ramp.tones.len() as u32).max().unwrap();
+    assert_eq!(image::image_dimensions(&image).unwrap(), (160 * longest, 192 * found.ramps.len() as u32));
 }
 
 /// With `--quiet`, the same palette is saved, and nothing is printed.
@@ -57,24 +64,6 @@ fn all_requested_files_are_written() {
     for (name, bins) in [("fine.npy", 32), ("coarse.npy", 8)] {
         assert_eq!(npyz::NpyFile::new(archive.by_name(name).unwrap()).unwrap().shape(), [bins; 3]);
     }
-}
-
-/// Tones are printed and drawn by ramp.
-#[test]
-fn tones_are_listed_by_ramp() {
-    let folder = folder("palette_tones");
-    let (field, image) = (ball(&folder), folder.join("p.png"));
-    let printed = succeed(&["palette", text(&field), "--method", "tones", "--image", text(&image)]);
-    let found = Palette::read(field.with_file_name("ball.palette.json")).unwrap();
-    let read = PlenOctree::read(&field, &LoadSettings::default()).unwrap();
-    let settings = ExtractionSettings { method: PaletteMethod::Tones, ..Default::default() };
-    assert_eq!(found, extract(&read, &settings, &Progress::default()).unwrap().palette);
-    assert!(!found.ramps.is_empty());
-    for (index, ramp) in found.ramps.iter().enumerate() {
-        assert!(printed.contains(&format!("ramp {index}: {}, ", ramp.name)), "{printed}");
-    }
-    let longest = found.ramps.iter().map(|ramp| ramp.tones.len() as u32).max().unwrap();
-    assert_eq!(image::image_dimensions(&image).unwrap(), (160 * longest, 192 * found.ramps.len() as u32));
 }
 
 /// Fields that were trained as Plenoxels have other colors.

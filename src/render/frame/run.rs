@@ -72,6 +72,10 @@ impl PropView {
         self.passes.clear();
         self.textures.clear();
         self.cached = default();
+        #[cfg(feature = "shadows")]
+        {
+            self.shades = default();
+        }
         self.left_out = LeftOut::Nothing;
     }
 }
@@ -156,7 +160,7 @@ fn draw(pass: &Pass, view: &PropView, frame: &Frame, ctx: &mut RenderContext) ->
     let clear = pass.clear.or(pass.covers_all.then_some(Clear::Zero)).filter(|_| !may_keep);
     let (colors, depth) = attachments(pass, view, frame, clear)?;
     let first = first_group(pass, view, frame, ctx)?;
-    // Without lights in the scene, nothing is blocked.
+    // Only this group has dynamic offsets.
     let offsets = view.lights.as_ref().filter(|_| pass.group == FirstGroup::Lights).map_or(&[][..], |(_, all)| all);
     let bound: Vec<_> =
         pass.bound().map(|(access, slots)| group(pass, access, slots, view, frame, ctx)).collect::<Option<_>>()?;

@@ -38,11 +38,9 @@ pub(super) fn composite(plan: &Plan) -> Option<Pass> {
     let program =
         Program::new("composite").define_all(space(plan.target.space)).define_if(plan.iterations == 0, "UNFILTERED");
     let program = program.define_if(plan.filters_apart, "APART");
-    let mut reads = vec![Slot::COLOR, Slot::OWNER, Slot::Scene];
-    reads.extend(outlines.then_some(Slot::DEPTH));
     let pass = Pass {
         feature: Feature::Posterize,
-        reads: vec![reads],
+        reads: vec![vec![Slot::COLOR, Slot::OWNER, Slot::DEPTH, Slot::Scene]],
         writes: vec![Slot::Even],
         covers_all: true,
         ..Pass::fullscreen(COMPOSITE, Place::Posterize, Some(CachedResult::Composite), vec![program])

@@ -140,7 +140,7 @@ fn volume_program(plan: &Plan, rays: RaySet, kind: Kind) -> Program {
     .define_if(plan.has_fog, "FOG")
     .define_if(plan.has_owners(), "OWNERS")
     .define_number("MOTION", plan.has_motion.then(|| 1 + u32::from(plan.has_owners())))
-    // The depth is written, not tested: all props of a pixel write the same.
+    // The depth is written, not tested: where a prop is solid, all write the same, and in haze, the last one counts.
     .depth_test(CompareFunction::Always, true)
 }
 

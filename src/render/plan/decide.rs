@@ -223,7 +223,8 @@ impl<'a> Frame<'a> {
 
     /// Returns the props that can be drawn, back to front. In a view that is held, only those of the last frame are.
     fn seen(&self) -> Vec<VisibleProp<'a>> {
-        let last = self.known.last.props.iter().map(|prop| (prop.entity, prop)).collect();
+        let last = self.known.last.props.iter().filter(|prop| !prop.is_left_out);
+        let last = last.map(|prop| (prop.entity, prop)).collect();
         self.known.visible.order.iter().filter_map(|ordered| self.see(ordered, &last)).collect()
     }
 
@@ -293,6 +294,7 @@ impl<'a> Frame<'a> {
                 (true, false) => Smooths::Slits,
             },
             rect: URect { min: in_rect(covered.min), max: in_rect(covered.max) },
+            is_left_out: false,
         }
     }
 

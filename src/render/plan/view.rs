@@ -48,7 +48,7 @@ pub(in crate::render) struct Plan {
     pub is_sparse: bool,
     /// The largest number of filter iterations.
     pub iterations: u32,
-    /// Whether it reads no pixels of other owners, or of none.
+    /// Whether the filter reads no pixels of other owners, or of none.
     pub filters_apart: bool,
     pub posterizes: bool,
     /// Whether a posterized view owns the pixels that no posterized prop owns.
@@ -115,6 +115,8 @@ pub(in crate::render) struct PlannedProp {
     pub smooths: Smooths,
     /// The pixels of the drawn part of the view that its box can cover.
     pub rect: URect,
+    /// Whether it is not drawn, because its pipeline is not ready.
+    pub is_left_out: bool,
 }
 
 impl PlannedProp {

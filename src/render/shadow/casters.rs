@@ -17,7 +17,7 @@ use bevy::{
 use glam::DVec4;
 
 use super::{
-    maps::{Caster, MapProps},
+    maps::MapProps,
     texels::{LightView, map_size},
 };
 use crate::{
@@ -166,7 +166,7 @@ pub(super) fn choose_levels(
             let seen = LightView::new(&prop.pose, view, size).filter(|seen| is_in(seen, view, reach))?;
             let level = prop.pose.level(seen.rays.cell_size, quality);
             fields.get_mut(prop.field)?.request(level);
-            Some(Caster { entity: *entity, index, level })
+            Some((index, level))
         }));
         map.order.truncate(MAX_PROPS_IN_VIEW);
     }

@@ -36,7 +36,7 @@ pub const SHADOW_SPAN: &str = "plenoctree_shadow";
 /// The props in a shadow map.
 #[derive(Component, Default)]
 pub(super) struct MapProps {
-    pub order: Vec<Caster>,
+    pub order: Vec<(usize, Level)>,
     /// What is drawn into tiles, before the map.
     filled: Vec<Drawn>,
     /// What is drawn into the map.
@@ -48,15 +48,6 @@ pub(super) struct MapProps {
     uniforms: Vec<PropUniform>,
     props: WrittenBuffer,
     group: Option<BindGroup>,
-}
-
-/// A prop in a map.
-pub(super) struct Caster {
-    pub entity: Entity,
-    /// Its index in `ExtractedProps::props`.
-    pub index: usize,
-    /// The level that the light requests.
-    pub level: Level,
 }
 
 /// A draw call.
@@ -103,8 +94,8 @@ pub(super) fn prepare_maps(
         drawn.clear();
         uniforms.clear();
         cached.begin();
-        for Caster { entity, index, level } in order {
-            let Some(prop) = extracted.props.get(*index).filter(|_| !hidden.contains(entity)) else {
+        for (index, level) in order {
+            let Some(prop) = extracted.props.get(*index).filter(|prop| !hidden.contains(&prop.entity)) else {
                 continue;
             };
             let Some((level, _, pose)) = prop.at_level(*level, &fields) else {
@@ -121,7 +112,7 @@ pub(super) fn prepare_maps(
             let texels = seen.to_cache();
             let key = CasterKey { caster, field: level.bind_group.id(), texels };
             // At most as much memory as the map itself takes.
-            let tile = cached.update(*entity, key, size.x * size.y, |size| {
+            let tile = cached.update(prop.entity, key, size.x * size.y, |size| {
                 let is_ready = |id| cache.get_render_pipeline(id).is_some();
                 if !is_ready(fill) || !is_ready(copy) {
                     return None;
@@ -131,7 +122,7 @@ pub(super) fn prepare_maps(
             });
             let near = seen.near as f32;
             let on_map = Drawn {
-                entity: *entity,
+                entity: prop.entity,
                 pipeline: march,
                 group: level.bind_group.clone(),
                 rect: seen.to_march(),

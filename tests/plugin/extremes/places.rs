@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 use plenoctree::{camera::PinholeCamera, reference};
 
 use super::stage::{Alone, SIZE, chain, looking};
-use crate::stage::pixels::{assert_near, difference, differing, middle};
+use crate::stage::pixels::{assert_near, difference_of_prop, differing, middle};
 
 /// The center ray runs along an axis, in faces, and through edges and corners of cells. Its components are 0, -0 or
 /// tiny.
@@ -121,11 +121,9 @@ fn sheared_props_look_like_their_field() {
     let expected = reference::render(&field, &sheared);
     let covered = expected.opacity.iter().filter(|opacity| **opacity > 0.5).count();
     assert!(covered > 100, "{covered} pixels");
-    let straight = reference::render(&field, &camera).over(DVec3::ZERO);
-    let (found, otherwise) = {
-        let frame = stage.see(&camera);
-        (difference(&frame, &expected.over(DVec3::ZERO)), difference(&frame, &straight))
-    };
+    let straight = reference::render(&field, &camera);
+    let frame = stage.see(&camera);
+    let [found, otherwise] = [expected, straight].map(|expected| difference_of_prop(&frame, &expected, DVec3::ZERO));
     assert!(found < 1.0 && otherwise > 10.0, "{found}, and {otherwise} if it were not sheared");
 }
 

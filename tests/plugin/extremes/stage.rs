@@ -10,7 +10,7 @@ use plenoctree::{Basis, Cell, camera::PinholeCamera, reference};
 use crate::stage::{
     Stage,
     fields::field,
-    pixels::{self, difference},
+    pixels::{self, difference_of_prop},
 };
 
 pub const SIZE: u32 = 33;
@@ -56,9 +56,9 @@ impl Alone {
         self.check(field, camera, what);
     }
 
-    /// Returns the root mean square difference from the float64 reference, over black, in 8-bit steps.
+    /// Returns the root mean square difference of the prop from the float64 reference, over black, in 8-bit steps.
     pub fn difference(&mut self, field: &PlenOctree, camera: &PinholeCamera) -> f64 {
-        difference(&self.see(camera), &reference::render(field, camera).over(DVec3::ZERO))
+        difference_of_prop(&self.see(camera), &reference::render(field, camera), DVec3::ZERO)
     }
 }
 

@@ -3,6 +3,7 @@
 use bevy::prelude::*;
 use glam::DVec3;
 use image::{Rgba, RgbaImage};
+use plenoctree::reference::Rendering;
 
 pub fn at(frame: &RgbaImage, x: u32, y: u32) -> [u8; 3] {
     let [r, g, b, _] = frame.get_pixel(x, y).0;
@@ -69,11 +70,23 @@ pub fn assert_same(found: &RgbaImage, expected: &RgbaImage, what: &str) {
 
 /// Returns the root mean square difference of a frame from the expected colors, in 8-bit steps.
 pub fn difference(frame: &RgbaImage, expected: &[DVec3]) -> f64 {
-    let squares = frame
-        .pixels()
-        .zip(expected)
-        .map(|(pixel, color)| (steps(pixel) - 255.0 * color.clamp(DVec3::ZERO, DVec3::ONE)).length_squared() / 3.0);
-    (squares.sum::<f64>() / expected.len() as f64).sqrt()
+    root_mean_square(frame.pixels().zip(expected.iter().copied()))
+}
+
+/// Returns the root mean square difference of a frame from a rendering over a background, in 8-bit steps: that of the
+/// pixels where either of them shows anything but the background.
+pub fn difference_of_prop(frame: &RgbaImage, expected: &Rendering, background: DVec3) -> f64 {
+    let pixels = frame.pixels().zip(expected.over(background));
+    root_mean_square(pixels.filter(|(pixel, color)| is_off(pixel, background, 0.5) || *color != background))
+}
+
+fn root_mean_square<'a>(pixels: impl Iterator<Item = (&'a Rgba<u8>, DVec3)>) -> f64 {
+    let (mut squares, mut count) = (0.0, 0u32);
+    for (pixel, color) in pixels {
+        squares += (steps(pixel) - 255.0 * color.clamp(DVec3::ZERO, DVec3::ONE)).length_squared() / 3.0;
+        count += 1;
+    }
+    (squares / f64::from(count.max(1))).sqrt()
 }
 
 /// Whether a pixel differs from a color by more than `tolerance` steps in a channel.

@@ -218,13 +218,13 @@ impl Chest {
         }
         let ear = DVec3::new(q.x.abs() - half.x - 0.028, q.y, q.z - 0.10);
         nearest.add(rod(ear, DVec3::Y * -0.085, DVec3::Y * 0.085, 0.030, 0.030), Part::Brass);
-        let ring = turn_y(ear - DVec3::new(0.022, 0.0, -0.075), PI / 2.0);
+        let ring = (ear - DVec3::new(0.022, 0.0, -0.075)).rotate_y(PI / 2.0);
         nearest.add(torus(ring * DVec3::new(1.15, 1.0, 1.0), 0.085, 0.020) * 0.9, Part::Brass);
     }
 
     fn lid(&self, p: DVec3, nearest: &mut Nearest<Part>) {
         let hinge = DVec3::new(0.0, HALF.y * 1.04, RIM);
-        let l = turn_x(p - hinge, OPEN) + DVec3::new(0.0, HALF.y * 1.04, 0.0);
+        let l = (p - hinge).rotate_x(OPEN) + DVec3::new(0.0, HALF.y * 1.04, 0.0);
         let half = HALF * 1.04;
         let stretch = half.y / VAULT;
         let vault = DVec2::new(l.y, l.z * stretch);
@@ -289,7 +289,7 @@ impl Chest {
                     if away.length_squared() > (nearest.distance.max(0.0) + COIN + 0.02).powi(2) {
                         continue;
                     }
-                    let c = turn_x(turn_z(away, coin.turn), coin.tilt);
+                    let c = away.rotate_z(coin.turn).rotate_x(coin.tilt);
                     let r = c.truncate().length();
                     let relief = 0.005 * smoothstep(0.066, 0.058, r) - 0.004 * smoothstep(0.036, 0.028, r);
                     nearest.add(0.95 * (cylinder(c, COIN, 0.0155, 0.006) + relief), Part::Coin);
@@ -299,7 +299,7 @@ impl Chest {
     }
 
     fn crown(&self, p: DVec3, nearest: &mut Nearest<Part>) {
-        let c = turn_y(turn_x(p - CROWN, 0.34), -0.22);
+        let c = (p - CROWN).rotate_x(0.34).rotate_y(-0.22);
         let (radius, count) = (0.175, 8);
         let (f, index) = fold(c, count);
         let flare = f.truncate().length() - radius - 0.25 * (c.z + 0.05);
@@ -322,7 +322,7 @@ impl Chest {
     fn gems(&self, p: DVec3, nearest: &mut Nearest<Part>) {
         for (index, &(center, size, tilt, part)) in GEMS.iter().enumerate() {
             nearest.add_group(p, center, 1.2 * size, |nearest| {
-                let g = turn_z(turn_x(turn_y(p - center, tilt), 0.3), index as f64);
+                let g = (p - center).rotate_y(tilt).rotate_x(0.3).rotate_z(index as f64);
                 let (f, _) = fold(g, 8);
                 let crown = 0.72 * f.x + 0.69 * f.z - 0.86 * size;
                 let pavilion = 0.70 * f.x - 0.71 * f.z - 0.70 * size;

@@ -33,7 +33,7 @@ const FLOOR: f64 = -0.86;
 
 /// Transforms a point to the space of the drum, which is tilted toward its player.
 fn to_drum(p: DVec3) -> DVec3 {
-    turn_x(p - CENTER, -0.17)
+    (p - CENTER).rotate_x(-0.17)
 }
 
 impl Drum {
@@ -54,7 +54,7 @@ impl Drum {
     }
 
     fn hardware(&self, q: DVec3, nearest: &mut Nearest<Part>) {
-        let (l, _) = fold(turn_z(q, PI / LUGS as f64), LUGS);
+        let (l, _) = fold(q.rotate_z(PI / LUGS as f64), LUGS);
         let l = l - DVec3::X * (RADIUS + 0.035);
         for z in [-0.135, 0.135] {
             let case = rod(l - DVec3::Z * z, DVec3::new(0.0, 0.0, -0.055), DVec3::new(0.0, 0.0, 0.055), 0.040, 0.040);
@@ -68,8 +68,8 @@ impl Drum {
             nearest.add(cylinder(l - DVec3::new(0.018, 0.0, z), 0.026, 0.022, 0.006), Part::Chrome);
         }
         // The maker's badge, on the front.
-        let badge = turn_x(q - DVec3::new(0.0, -RADIUS - 0.018, 0.0), PI / 2.0);
-        let (point, _) = fold(turn_z(badge, -PI / 2.0), 5);
+        let badge = (q - DVec3::new(0.0, -RADIUS - 0.018, 0.0)).rotate_x(PI / 2.0);
+        let (point, _) = fold(badge.rotate_z(-PI / 2.0), 5);
         let star = 0.85 * ((point.x - 0.105) * 0.32 + point.y.abs() * 0.95);
         nearest.add(cylinder(badge, 0.135, 0.022, 0.012), Part::Badge);
         nearest.add(extrude(star, badge.z, 0.036, 0.006), Part::Shell);
@@ -78,8 +78,8 @@ impl Drum {
     fn sticks(&self, q: DVec3, nearest: &mut Nearest<Part>) {
         let top = HALF + 0.058;
         for (angle, lift, shift) in [(0.62, 0.0, -0.03), (-0.50, 0.052, 0.05)] {
-            let s = turn_z(q - DVec3::new(shift, -0.08, top + lift), -angle - PI / 2.0);
-            let s = turn_y(s, if lift > 0.0 { -0.045 } else { 0.0 });
+            let s = (q - DVec3::new(shift, -0.08, top + lift)).rotate_z(-angle - PI / 2.0);
+            let s = s.rotate_y(if lift > 0.0 { -0.045 } else { 0.0 });
             let end = DVec3::new(0.56, 0.0, 0.0);
             nearest.add(rod(s, DVec3::new(-0.66, 0.0, 0.0), DVec3::new(0.30, 0.0, 0.0), 0.036, 0.034), Part::Stick);
             nearest.add(rod(s, DVec3::new(0.30, 0.0, 0.0), end, 0.034, 0.017), Part::Stick);
@@ -94,7 +94,7 @@ impl Drum {
         nearest.add(cylinder(p - hub, 0.070, 0.05, 0.02), Part::Rubber);
         nearest.add(cylinder(p - hub + DVec3::Z * 0.26, 0.062, 0.035, 0.02), Part::Chrome);
         for leg in 0..3 {
-            let turned = turn_z(p - hub.with_z(0.0), -PI / 2.0 - 2.0 * PI / 3.0 * f64::from(leg));
+            let turned = (p - hub.with_z(0.0)).rotate_z(-PI / 2.0 - 2.0 * PI / 3.0 * f64::from(leg));
             let foot = DVec3::new(0.52, 0.0, FLOOR + 0.035);
             nearest.add(rod(turned, DVec3::new(0.03, 0.0, hub.z - 0.02), foot, 0.026, 0.026), Part::Chrome);
             nearest.add(
@@ -106,7 +106,7 @@ impl Drum {
                 Part::Rubber,
             );
             // An arm of the basket that holds the drum, tilted like the drum.
-            let arm = turn_z(to_drum(p), -PI / 2.0 - 2.0 * PI / 3.0 * f64::from(leg));
+            let arm = to_drum(p).rotate_z(-PI / 2.0 - 2.0 * PI / 3.0 * f64::from(leg));
             let elbow = DVec3::new(RADIUS + 0.085, 0.0, -HALF - 0.075);
             nearest.add(rod(arm, DVec3::new(0.0, 0.0, -HALF - 0.22), elbow, 0.028, 0.024), Part::Chrome);
             nearest.add(rod(arm, elbow, elbow + DVec3::Z * 0.16, 0.032, 0.032), Part::Rubber);

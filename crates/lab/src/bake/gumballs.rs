@@ -95,18 +95,18 @@ impl Gumballs {
         nearest.add(foot, Part::Body);
 
         // The front plate with the crank and the coin slot, and the chute below.
-        let tilt = turn_x(p - DVec3::new(0.0, -0.425, -0.42), -0.20);
+        let tilt = (p - DVec3::new(0.0, -0.425, -0.42)).rotate_x(-0.20);
         nearest.add(
             extrude(rectangle(tilt.with_y(tilt.z).truncate(), DVec2::new(0.185, 0.135), 0.05), tilt.y, 0.035, 0.015),
             Part::Steel,
         );
-        let crank = turn_x(tilt - DVec3::new(0.03, -0.05, -0.01), PI / 2.0);
+        let crank = (tilt - DVec3::new(0.03, -0.05, -0.01)).rotate_x(PI / 2.0);
         nearest.add(cylinder(crank, 0.088, 0.025, 0.012), Part::Trim);
-        let handle = turn_z(crank, -0.5) - DVec3::Z * 0.05;
+        let handle = crank.rotate_z(-0.5) - DVec3::Z * 0.05;
         nearest.add(cuboid(handle, DVec3::new(0.080, 0.022, 0.035), 0.018), Part::Steel);
         nearest
             .add(cuboid(tilt - DVec3::new(-0.125, -0.035, 0.02), DVec3::new(0.010, 0.008, 0.055), 0.004), Part::Dark);
-        let chute = turn_x(p - DVec3::new(0.0, -0.49, -0.70), -0.20);
+        let chute = (p - DVec3::new(0.0, -0.49, -0.70)).rotate_x(-0.20);
         let mouth = chute.with_y(chute.z + 0.03).truncate();
         nearest.add(extrude(arch(mouth, 0.125, 0.07), chute.y, 0.065, 0.02), Part::Steel);
         nearest.add(extrude(arch(mouth - DVec2::Y * 0.015, 0.090, 0.055), chute.y + 0.02, 0.052, 0.003), Part::Dark);
@@ -114,9 +114,9 @@ impl Gumballs {
 
         // A star on either side.
         for side in [-1.0, 1.0] {
-            let s = turn_z(p, -side * 1.25) - DVec3::new(0.0, -0.435, -0.50);
-            let s = turn_x(turn_x(s, -0.20), PI / 2.0);
-            let (point, _) = fold(turn_z(s, -PI / 2.0), 5);
+            let s = p.rotate_z(-side * 1.25) - DVec3::new(0.0, -0.435, -0.50);
+            let s = s.rotate_x(-0.20).rotate_x(PI / 2.0);
+            let (point, _) = fold(s.rotate_z(-PI / 2.0), 5);
             let star = (point.x - 0.13) * 0.35 + point.y.abs() * 0.936;
             nearest.add(extrude(star, s.z, 0.028, 0.01), Part::Label);
         }

@@ -30,7 +30,7 @@ const FLOOR: f64 = -0.90;
 
 impl Robot {
     fn head(&self, p: DVec3, nearest: &mut Nearest<Part>) {
-        let h = turn_z(p - DVec3::new(0.0, 0.0, 0.56), 0.10);
+        let h = (p - DVec3::new(0.0, 0.0, 0.56)).rotate_z(0.10);
         nearest.add(cuboid(h, DVec3::new(0.31, 0.26, 0.235), 0.09), Part::Body);
         // A band over the crown, like a helmet's.
         nearest.add(cuboid(h, DVec3::new(0.055, 0.275, 0.25), 0.05), Part::Trim);
@@ -55,7 +55,7 @@ impl Robot {
             Part::Dark,
         );
         for x in [-0.11, 0.11] {
-            let eye = turn_x(face - DVec3::new(x, -0.04, 0.035), PI / 2.0);
+            let eye = (face - DVec3::new(x, -0.04, 0.035)).rotate_x(PI / 2.0);
             nearest.add(cylinder(eye, 0.072, 0.022, 0.015), Part::Eye);
             nearest.add(cylinder(eye - DVec3::new(0.012, 0.0, 0.0), 0.030, 0.034, 0.010), Part::Pupil);
         }
@@ -66,7 +66,7 @@ impl Robot {
             );
         }
         // Ears and antennas.
-        let ear = turn_y(h.with_x(h.x.abs()) - DVec3::X * 0.33, PI / 2.0);
+        let ear = (h.with_x(h.x.abs()) - DVec3::X * 0.33).rotate_y(PI / 2.0);
         nearest.add(cylinder(ear, 0.105, 0.035, 0.02), Part::Trim);
         nearest.add(cylinder(ear - DVec3::Z * 0.04, 0.062, 0.035, 0.02), Part::Steel);
         let mast = DVec3::Z * 0.25;
@@ -95,10 +95,10 @@ impl Robot {
             Part::Panel,
         );
         // A gauge, knobs and a row of lamps.
-        let g = turn_x(f - DVec3::new(-0.115, -0.05, 0.035), PI / 2.0);
+        let g = (f - DVec3::new(-0.115, -0.05, 0.035)).rotate_x(PI / 2.0);
         nearest.add(cylinder(g, 0.112, 0.022, 0.012), Part::Steel);
         nearest.add(cylinder(g, 0.092, 0.026, 0.004), Part::Gauge);
-        let dial = turn_z(g, 0.7);
+        let dial = g.rotate_z(0.7);
         nearest.add(
             extrude(
                 rectangle(dial.truncate() - DVec2::X * 0.03, DVec2::new(0.045, 0.010), 0.004),
@@ -109,7 +109,7 @@ impl Robot {
             Part::Needle,
         );
         for (index, (x, z)) in [(0.07, 0.10), (0.19, 0.10), (0.07, -0.02), (0.19, -0.02)].into_iter().enumerate() {
-            let knob = turn_x(f - DVec3::new(x, -0.06, z), PI / 2.0);
+            let knob = (f - DVec3::new(x, -0.06, z)).rotate_x(PI / 2.0);
             nearest.add(cylinder(knob, 0.042, 0.024, 0.014), Part::Knob(index as u8));
         }
         for index in 0..5 {
@@ -119,7 +119,7 @@ impl Robot {
         // The wind-up key, on the back.
         let key = p - DVec3::new(0.0, 0.43, 0.0);
         nearest.add(rod(p, DVec3::new(0.0, 0.25, 0.0), DVec3::new(0.0, 0.45, 0.0), 0.032, 0.032), Part::Steel);
-        let loops = turn_x(key.with_x(key.x.abs()) - DVec3::new(0.10, 0.02, 0.0), PI / 2.0);
+        let loops = (key.with_x(key.x.abs()) - DVec3::new(0.10, 0.02, 0.0)).rotate_x(PI / 2.0);
         nearest.add(torus(loops, 0.075, 0.030), Part::Gauge);
         // Rivets.
         let corner = DVec3::new(p.x.abs() - 0.345 * taper, p.y + 0.285 * taper, (p.z + 0.065).abs() - 0.20);
@@ -130,7 +130,7 @@ impl Robot {
     fn arm(&self, p: DVec3, lift: f64, reach: f64, nearest: &mut Nearest<Part>) {
         let shoulder = DVec3::new(0.47, 0.0, 0.12);
         nearest.add(sphere(p - shoulder, 0.115), Part::Trim);
-        let a = turn_x(turn_y(p - shoulder, lift), -reach);
+        let a = (p - shoulder).rotate_y(lift).rotate_x(-reach);
         let wave = 0.014 * (a.z * 95.0).sin();
         nearest.add(
             0.75 * (rod(a, DVec3::new(0.03, 0.0, -0.08), DVec3::new(0.03, 0.0, -0.32), 0.068, 0.068) + wave),
@@ -140,7 +140,7 @@ impl Robot {
         nearest.add(cylinder(wrist, 0.105, 0.065, 0.025), Part::Body);
         nearest.add(cylinder(wrist + DVec3::Z * 0.065, 0.085, 0.02, 0.01), Part::Steel);
         // A claw, open at the bottom.
-        let claw = turn_x(wrist + DVec3::Z * 0.16, PI / 2.0);
+        let claw = (wrist + DVec3::Z * 0.16).rotate_x(PI / 2.0);
         let gap = DVec2::new(claw.x.abs() - 0.062, claw.y - 0.05);
         let ring = torus(claw, 0.088, 0.036);
         nearest.add(

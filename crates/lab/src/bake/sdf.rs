@@ -1,6 +1,6 @@
 //! Signed distance functions: primitives around the origin, and operators that combine them. Negative is inside.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 
@@ -98,44 +98,16 @@ pub fn blend_cut(a: f64, b: f64, width: f64) -> f64 {
     -blend(-a, -b, width)
 }
 
-/// Rotates a point by `angle` about z.
-pub fn turn_z(p: DVec3, angle: f64) -> DVec3 {
-    let (sin, cos) = angle.sin_cos();
-    DVec3::new(cos * p.x - sin * p.y, sin * p.x + cos * p.y, p.z)
-}
-
-/// Rotates a point by `angle` about x.
-pub fn turn_x(p: DVec3, angle: f64) -> DVec3 {
-    let (sin, cos) = angle.sin_cos();
-    DVec3::new(p.x, cos * p.y - sin * p.z, sin * p.y + cos * p.z)
-}
-
-/// Rotates a point by `angle` about y.
-pub fn turn_y(p: DVec3, angle: f64) -> DVec3 {
-    let (sin, cos) = angle.sin_cos();
-    DVec3::new(cos * p.x + sin * p.z, p.y, cos * p.z - sin * p.x)
-}
-
 /// Folds space around z, so that one of `count` equal sectors, the one around +x, represents all. Returns the folded
 /// point and the sector's index.
 pub fn fold(p: DVec3, count: usize) -> (DVec3, usize) {
     let sector = TAU / count as f64;
     let index = (p.y.atan2(p.x) / sector).round();
-    (turn_z(p, -index * sector), (index.rem_euclid(count as f64)) as usize % count)
+    (p.rotate_z(-index * sector), (index.rem_euclid(count as f64)) as usize % count)
 }
 
 /// Returns 0 below `low`, 1 above `high`, and smooth values in between. `low` can be greater than `high`.
 pub fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
-}
-
-/// Returns `count` directions spread evenly over the hemisphere around z.
-pub fn hemisphere(count: usize) -> impl Iterator<Item = DVec3> {
-    (0..count).map(move |index| {
-        let z = (index as f64 + 0.5) / count as f64;
-        let phi = PI * (3.0 - 5.0_f64.sqrt()) * index as f64;
-        let r = (1.0 - z * z).sqrt();
-        DVec3::new(r * phi.cos(), r * phi.sin(), z)
-    })
 }

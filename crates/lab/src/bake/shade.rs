@@ -3,9 +3,12 @@
 use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
-use plenoctree::srgb::{decode, encode};
+use plenoctree::{
+    sphere::spiral,
+    srgb::{decode, encode},
+};
 
-use super::sdf::{hemisphere, smoothstep};
+use super::sdf::smoothstep;
 
 /// The material of a prop at a point of its surface.
 #[derive(Clone, Copy, Debug)]
@@ -217,7 +220,7 @@ fn shadow(point: DVec3, toward: DVec3, distance: &impl Fn(DVec3) -> f64) -> f64 
 fn openness(point: DVec3, normal: DVec3, distance: &impl Fn(DVec3) -> f64) -> f64 {
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let (mut sum, mut total) = (0.0, 0.0);
-    for local in hemisphere(14) {
+    for local in spiral(14, [0.0, 1.0]) {
         let direction = local.x * tangent + local.y * bitangent + local.z * normal;
         let (mut free, mut t) = (1.0_f64, 0.025);
         while t < 0.75 {

@@ -177,7 +177,7 @@ impl Toadstool {
         nearest.add_group(p, DVec3::new(0.0, -0.35, -0.5), 0.34, |nearest| self.door(p, nearest));
         nearest.add_group(p, DVec3::new(0.0, -0.12, -0.36), 0.42, |nearest| {
             for angle in WINDOWS {
-                let w = turn_x(turn_z(q, -angle) - DVec3::new(0.0, -0.368, -0.36), -0.24);
+                let w = (q.rotate_z(-angle) - DVec3::new(0.0, -0.368, -0.36)).rotate_x(-0.24);
                 self.window(w, 0.088, 0.022, nearest);
             }
         });
@@ -199,7 +199,7 @@ impl Toadstool {
 
     /// Adds a round window that faces -y.
     fn window(&self, p: DVec3, radius: f64, bar: f64, nearest: &mut Nearest<Part>) {
-        let w = turn_x(p, PI / 2.0);
+        let w = p.rotate_x(PI / 2.0);
         let frame = DVec2::new(w.truncate().length() - radius, w.z);
         nearest.add(rectangle(frame, DVec2::new(bar, 1.5 * bar), 0.6 * bar), Part::Wood);
         nearest.add(cylinder(w, radius, 0.4 * bar, 0.003), Part::Pane);
@@ -208,7 +208,7 @@ impl Toadstool {
     }
 
     fn cap(&self, p: DVec3, nearest: &mut Nearest<Part>) {
-        let q = turn_x(p - CAP, 0.06);
+        let q = (p - CAP).rotate_x(0.06);
         let dome = if q.z > 0.0 { CAP_RADII } else { CAP_RADII.with_z(0.17) };
         let cap = ellipsoid(q, dome);
         if cap > 0.15 {
@@ -242,14 +242,14 @@ impl Toadstool {
     fn dormer(&self, p: DVec3, nearest: &mut Nearest<Part>) {
         let d = p - DORMER;
         nearest.add_group(p, DORMER + DVec3::Y * 0.12, 0.26, |nearest| {
-            nearest.add(cylinder(turn_x(d - DVec3::Y * 0.14, PI / 2.0), 0.170, 0.15, 0.02), Part::Stem);
+            nearest.add(cylinder((d - DVec3::Y * 0.14).rotate_x(PI / 2.0), 0.170, 0.15, 0.02), Part::Stem);
             self.window(d + DVec3::Y * 0.015, 0.135, 0.028, nearest);
         });
     }
 
     fn chimney(&self, p: DVec3, nearest: &mut Nearest<Part>) {
         nearest.add_group(p, CHIMNEY, 0.32, |nearest| {
-            let c = turn_y(p - CHIMNEY, -0.12);
+            let c = (p - CHIMNEY).rotate_y(-0.12);
             let course = 0.006 * smoothstep(0.010, 0.0, (c.z.rem_euclid(0.07) - 0.035).abs());
             nearest.add(cylinder(c, 0.082 - course, 0.20, 0.01), Part::Stone);
             nearest.add(cylinder(c - DVec3::Z * 0.19, 0.105, 0.025, 0.02), Part::Stone);
@@ -273,7 +273,7 @@ impl Toadstool {
             nearest.add_group(p, flower.head, 0.22, |nearest| {
                 nearest.add(rod(p, flower.root, flower.head, 0.009, 0.009), Part::Stalk);
                 let (petal, _) = fold(p - flower.head, 5);
-                let petal = ellipsoid(turn_y(petal - DVec3::X * 0.034, 0.25), DVec3::new(0.034, 0.024, 0.013));
+                let petal = ellipsoid((petal - DVec3::X * 0.034).rotate_y(0.25), DVec3::new(0.034, 0.024, 0.013));
                 nearest.add(petal, Part::Petal(flower.violet));
                 nearest.add(sphere(p - flower.head - DVec3::Z * 0.010, 0.018), Part::Brass);
             });
@@ -283,7 +283,7 @@ impl Toadstool {
             nearest.add_group(p, root, 0.45 * size, |nearest| {
                 let q = (p - root) / size;
                 nearest.add(size * rod(q, DVec3::ZERO, DVec3::new(0.02, 0.0, 0.2), 0.062, 0.042), Part::SmallStem);
-                let c = turn_y(q - DVec3::new(0.02, 0.0, 0.19), 0.15);
+                let c = (q - DVec3::new(0.02, 0.0, 0.19)).rotate_y(0.15);
                 let dome =
                     ellipsoid(c, if c.z > 0.0 { DVec3::new(0.15, 0.15, 0.15) } else { DVec3::new(0.15, 0.15, 0.04) });
                 nearest.add(size * dome, Part::SmallCap);
@@ -305,13 +305,13 @@ impl Toadstool {
             let step = 0.155;
             let index = ((angle - first + PI).rem_euclid(2.0 * PI) - PI) / step;
             let index = index.round().clamp(0.0, f64::from(count - 1));
-            let picket = turn_z(p, -(first + step * index)) - DVec3::new(0.775, 0.0, GROUND + 0.09);
+            let picket = p.rotate_z(-(first + step * index)) - DVec3::new(0.775, 0.0, GROUND + 0.09);
             let tip = (0.7 * (picket.y.abs() - 0.030 + (picket.z - 0.07).max(0.0) * 0.8))
                 .max(picket.x.abs() - 0.014)
                 .max(picket.z.abs() - 0.11);
             nearest.add(tip - 0.005, Part::Picket);
             let middle = first + 0.5 * step * f64::from(count - 1);
-            let rail = turn_z(p, -middle);
+            let rail = p.rotate_z(-middle);
             let around = rail.y.atan2(rail.x).abs() - 0.5 * step * f64::from(count - 1);
             let beam = DVec2::new(p.truncate().length() - 0.765, (p.z - GROUND - 0.09).abs() - 0.035);
             nearest.add(rectangle(beam, DVec2::new(0.011, 0.014), 0.005).max(0.75 * around), Part::Picket);
@@ -351,7 +351,7 @@ impl Prop for Toadstool {
             ),
             Part::Skirt => Material::paint([1.0, 0.95, 0.83], 0.0),
             Part::Cap => {
-                let q = turn_x(p - CAP, 0.06);
+                let q = (p - CAP).rotate_x(0.06);
                 let under = smoothstep(0.0, -0.04, q.z);
                 let deep = 0.4 * smoothstep(0.35, 0.0, q.z);
                 Material::paint([0.90, 0.10, 0.10], 0.75 * (1.0 - under))

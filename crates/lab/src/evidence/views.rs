@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use plenoctree::{PlenOctree, camera::PinholeCamera};
-use plenoctree_cli::{result::Result, turntable};
-use plenoctree_fit::read_transforms;
+use plenoctree_cli::{result::Result, transforms, turntable};
 
 use super::Arguments;
 
@@ -24,7 +23,7 @@ pub struct Views {
 /// Selects the views evenly from the given cameras. If there are too few, or none, turntables complete them.
 pub fn select(field: &PlenOctree, path: &Path, arguments: &Arguments) -> Result<Views> {
     let mut cameras = match &arguments.cameras {
-        Some(file) => read_transforms(file, arguments.size)?,
+        Some(file) => transforms::read(file, arguments.size)?.cameras,
         None => Vec::new(),
     };
     if arguments.size.is_none() {

@@ -17,8 +17,7 @@ use plenoctree::{
     camera::PinholeCamera,
     palette::{ExtractionSettings, PaletteMethod},
 };
-use plenoctree_cli::{console, extraction, field, result::Result, turntable};
-use plenoctree_fit::read_transforms;
+use plenoctree_cli::{console, extraction, field, result::Result, transforms, turntable};
 
 /// Measures everything and writes the tables and the plots.
 pub fn run(arguments: &Arguments) -> Result {
@@ -46,11 +45,12 @@ fn cameras(field: &PlenOctree, arguments: &Arguments) -> Result<Vec<PinholeCamer
     let count = arguments.views as usize;
     let azimuths = (0..count).map(|view| view as f64 / count as f64 * TAU);
     let all = match &arguments.cameras {
-        Some(file) => read_transforms(file, Some(arguments.size))?,
+        Some(file) => transforms::read(file, Some(arguments.size))?.cameras,
         None => turntable::around(field, arguments.size, azimuths, ELEVATION).unwrap_or_default(),
     };
     if all.is_empty() {
         return Err(format!("{}: the field is empty", arguments.field().display()).into());
     }
-    Ok(all.iter().step_by(all.len().div_ceil(count).max(1)).copied().collect())
+    let views = count.min(all.len());
+    Ok((0..views).map(|view| all[view * all.len() / views]).collect())
 }

@@ -16,8 +16,8 @@ pub struct ReadError {
 }
 
 impl ReadError {
-    pub(super) fn new(file: &str, fault: ReadFault) -> Self {
-        // Names of files may hold control characters, but messages are one line.
+    /// Creates an error. The names of files may hold control characters, which are replaced: messages are one line.
+    pub fn new(file: &str, fault: ReadFault) -> Self {
         Self { file: file.replace(char::is_control, "?"), fault }
     }
 }

@@ -22,8 +22,8 @@ pub enum ObserverRegion {
 
 /// Settings of radiance sampling. The defaults are the paper's (section 3 of the method, steps 1 to 5).
 ///
-/// There is no density threshold, because it is a setting of loading: every leaf of a [`PlenOctree`](crate::PlenOctree)
-/// is sampled.
+/// There is no density threshold, because it is a setting of loading: leaves of a [`PlenOctree`](crate::PlenOctree) are
+/// sampled however faint they are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 #[cfg_attr(

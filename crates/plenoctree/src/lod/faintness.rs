@@ -48,7 +48,8 @@ impl Faintness {
             },
         );
         for (lost, sum) in lost.iter_mut().zip(sums) {
-            *lost = (sum / count.max(1) as f64).sqrt();
+            // NaN if no ray meets a leaf: then it is not known that any is faint.
+            *lost = (sum / count as f64).sqrt();
         }
         Self { width, lost }
     }
@@ -121,7 +122,7 @@ mod tests {
     use super::*;
     use crate::{
         bake::{BakeSettings, bake},
-        field::Basis,
+        field::{Basis, Cell, Frame, UpAxis},
     };
 
     fn ball(density: impl Fn(f64) -> f64 + Sync) -> PlenOctree {
@@ -146,5 +147,29 @@ mod tests {
         let thinned = field.thinned(Faintness::measure(&field).threshold(0.05));
         assert!(thinned.leaves() as f64 > 0.9 * field.leaves() as f64);
         assert!(thinned.densities().iter().all(|density| *density > 0.2));
+    }
+
+    /// Nothing is known to be faint if no ray meets it.
+    #[test]
+    fn tiny_parts_far_apart_are_kept() {
+        // A leaf in each of two opposite corners, at depth 9.
+        let chain = |corner: usize, leaf: u32, first: u32| {
+            (1..9u32).map(move |level| {
+                let mut node = [Cell::EMPTY; 8];
+                node[corner] = if level == 8 { Cell::leaf(leaf) } else { Cell::node(first + level) };
+                node
+            })
+        };
+        let mut root = [Cell::EMPTY; 8];
+        (root[0], root[7]) = (Cell::node(1), Cell::node(9));
+        let nodes: Vec<_> = [root].into_iter().chain(chain(0, 0, 1)).chain(chain(7, 1, 9)).collect();
+        let frame = Frame::spanning(DVec3::NEG_ONE, DVec3::ONE);
+        let (basis, coefficients) = (Basis::Rgba, vec![half::f16::ONE; 6]);
+        let field =
+            PlenOctree::new(frame, basis, basis.default_activation(), UpAxis::Y, nodes, vec![100.0; 2], coefficients);
+        let field = field.unwrap();
+        for loss in [1e-3, 0.05, 1.0] {
+            assert_eq!(field.thinned(Faintness::measure(&field).threshold(loss)).leaves(), 2, "{loss}");
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! Palette extraction: section 3 of the method (Tojo and Umetani, EGSR 2022, section 4.1).
 //!
-//! [`extract`] samples every leaf of a field from many directions, and collects the visible radiance in histograms
+//! [`extract`] samples leaves of a field from many directions, and collects the visible radiance in histograms
 //! ([`sample`](crate::sampling::sample)). By default, it fits tones to what is seen of the field from outside. Other
 //! methods find the palette that fits the histograms best or, as the paper does, cluster them and simplify the convex
 //! hull of the clusters. It runs on all cores and needs no app. Other threads can read

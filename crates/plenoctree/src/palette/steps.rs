@@ -25,11 +25,9 @@ use crate::sampling::{Histograms, Progress};
 /// [`Palette::MAX_COLORS`] corners.
 pub fn simplify_hull(colors: &[[f64; 3]], max_colors: usize) -> Result<Palette, InvalidPalette> {
     if colors.is_empty() {
-        return Err(InvalidPalette::Colors { found: 0 });
+        return Err(InvalidPalette::new("no colors".into(), "at least one"));
     }
-    if let Some(index) = colors.iter().position(|color| !color.iter().all(|channel| (*channel as f32).is_finite())) {
-        return Err(InvalidPalette::Color { index, found: colors[index] });
-    }
+    InvalidPalette::check_colors("color", colors)?;
     let mut outer = colors.to_vec();
     (0..3).for_each(|axis| keep_ends(&mut outer, axis));
     let points: Vec<DVec3> = outer.into_iter().map(DVec3::from).collect();
@@ -56,28 +54,19 @@ pub fn initial_centers(histograms: &Histograms, settings: &ExtractionSettings) -
 /// # Errors
 ///
 /// Returns an error if there are no initial centers or no colors with weight, if there is not one weight per color, if
-/// a color is not finite, or if a weight is negative or not finite.
+/// a color is not finite in float32, or if a weight is negative or not finite.
 pub fn k_means(
     colors: &[[f64; 3]],
     weights: &[f64],
     centers: &[[f64; 3]],
     settings: &ExtractionSettings,
 ) -> Result<Vec<[f64; 3]>, InvalidPalette> {
-    let (found, expected) = (weights.len(), colors.len());
-    if found != expected {
-        return Err(InvalidPalette::Weights { found, expected });
-    }
-    for all in [colors, centers] {
-        if let Some(index) = all.iter().position(|color| !color.iter().all(|channel| channel.is_finite())) {
-            return Err(InvalidPalette::Color { index, found: all[index] });
-        }
-    }
-    if let Some(index) = weights.iter().position(|weight| !weight.is_finite() || *weight < 0.0) {
-        return Err(InvalidPalette::Weight { index, found: weights[index] });
-    }
+    InvalidPalette::check_weights(weights, colors.len())?;
+    InvalidPalette::check_colors("color", colors)?;
+    InvalidPalette::check_colors("initial center", centers)?;
     let (points, weights): (Vec<_>, Vec<_>) = colors.iter().zip(weights).filter(|(_, weight)| **weight > 0.0).unzip();
     if points.is_empty() || centers.is_empty() {
-        return Err(InvalidPalette::Colors { found: 0 });
+        return Err(InvalidPalette::new("no colors with weight, or no initial centers".into(), "at least one of both"));
     }
     let (centers, progress) = (centers.to_vec(), Progress::default());
     let clusters = cluster(&points, &weights, centers, settings.max_iterations, settings.tolerance, &progress);
@@ -150,9 +139,9 @@ mod tests {
 
     #[test]
     fn invalid_colors_are_errors() {
-        assert_eq!(simplify_hull(&[], 6), Err(InvalidPalette::Colors { found: 0 }));
+        assert_eq!(simplify_hull(&[], 6).unwrap_err().to_string(), "found no colors, expected at least one");
         let error = simplify_hull(&[[0.0; 3], [0.5, f64::INFINITY, 0.0]], 6).unwrap_err();
-        assert!(matches!(error, InvalidPalette::Color { index: 1, .. }));
+        assert!(error.to_string().contains(" as color 1, expected finite numbers"), "{error}");
     }
 
     /// The steps, one after another, give the palette of an extraction.
@@ -198,13 +187,15 @@ mod tests {
     fn clusters_of_invalid_colors_are_errors() {
         let settings = ExtractionSettings::default();
         let one = [[0.5; 3]];
-        let found = |colors: &[[f64; 3]], weights: &[f64], centers: &[[f64; 3]]| {
-            k_means(colors, weights, centers, &settings).unwrap_err()
-        };
-        assert_eq!(found(&one, &[], &one), InvalidPalette::Weights { found: 0, expected: 1 });
-        assert_eq!(found(&one, &[-1.0], &one), InvalidPalette::Weight { index: 0, found: -1.0 });
-        assert_eq!(found(&one, &[0.0], &one), InvalidPalette::Colors { found: 0 });
-        assert_eq!(found(&one, &[1.0], &[]), InvalidPalette::Colors { found: 0 });
-        assert!(matches!(found(&one, &[1.0], &[[f64::NAN; 3]]), InvalidPalette::Color { index: 0, .. }));
+        for (weights, center, found) in [
+            (&[][..], Some([0.5; 3]), "found 0 weights, expected one for each of 1 colors"),
+            (&[-1.0], Some([0.5; 3]), "found -1 as weight 0"),
+            (&[0.0], Some([0.5; 3]), "found no colors with weight"),
+            (&[1.0], None, "found no colors with weight, or no initial centers"),
+            (&[1.0], Some([f64::NAN; 3]), "found [NaN, NaN, NaN] as initial center 0"),
+        ] {
+            let error = k_means(&one, weights, center.as_slice(), &settings).unwrap_err().to_string();
+            assert!(error.starts_with(found), "{error}");
+        }
     }
 }

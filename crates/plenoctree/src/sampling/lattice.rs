@@ -11,7 +11,7 @@ const MOST_CELLS: u64 = 1 << 26;
 /// The finest cells in the box around all leaves, a word each, so that every step of a ray loads one word.
 ///
 /// The low [four bits](Self::SIZE_BITS) of a word are the base-2 logarithm of the width of the octree's cell around it,
-/// in finest cells. That cell may extend beyond the box. The other bits are those of its density, rounded to a float
+/// in finest cells, at most 15. That cell may extend beyond the box. The other bits are those of its density, rounded to a float
 /// without the low four bits, and 0 if the cell is empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lattice {

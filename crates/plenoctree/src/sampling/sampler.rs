@@ -28,7 +28,7 @@ pub enum SamplingError {
 
 /// Samples the visible radiance of a field into histograms, on all cores.
 ///
-/// Every leaf is seen from its center, in all directions of the settings. The weight of its radiance in a direction is
+/// Every chosen leaf is seen from its center, in all directions of the settings. The weight of its radiance in a direction is
 /// its visibility: its density times the transmittance to the edge of the field. The upper hemisphere is the one above
 /// the field's own up axis. In solid fields, whose leaves hide their own centers, leaves are seen from where rays enter
 /// them: see [`SamplePoint`].

@@ -65,7 +65,7 @@ pub struct View {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Seen {
     color: [f32; 3],
-    /// The depth at which the ray becomes half opaque, or infinity if it does not.
+    /// The depth at which the ray enters the leaf in which it becomes half opaque, or infinity if it does not.
     pub depth: f32,
 }
 
@@ -113,8 +113,8 @@ impl View {
     }
 
     /// Returns what all rays see according to another program, such as one on the GPU: `texels` holds their colors in
-    /// encoded sRGB, each with the depth at which the ray becomes half opaque or, where it does not, its opacity times
-    /// -1.
+    /// encoded sRGB, each with the depth at which the ray enters the leaf in which it becomes half opaque or, where it does
+    /// not, its opacity times -1.
     ///
     /// Rays end where less than 1% of the light is left, and their colors are divided by their opacity.
     pub fn from_texels(rays: &[ViewRays], texels: &[[f32; 4]], progress: &Progress) -> Vec<Self> {

@@ -82,6 +82,7 @@ pub(crate) fn visibility(
     let mut hidden: Vec<_> = field.leaf_cells().collect();
     let mut leaves = vec![Seen::default(); hidden.len()];
     let mut directions = Vec::new();
+    progress.begin(hidden.len());
     for count in DIRECTIONS {
         let observers: Vec<DVec3> = spiral(count, [1.0, -1.0]).map(|observer| upright(field.up(), observer)).collect();
         let counts: Vec<f64> = observers
@@ -89,7 +90,6 @@ pub(crate) fn visibility(
             .map(|observer| if (field.up().to_y_up() * *observer).y < 0.0 { below } else { 1.0 })
             .collect();
         sampler = sampler.seen_from(vec![observers])?;
-        progress.begin(hidden.len());
         let before = directions.len();
         let units = sampler.units(&hidden)?.into_par_iter();
         let seen: Vec<Vec<(usize, Seen)>> =
@@ -141,7 +141,9 @@ fn of_unit(
             tallies = vec![tally];
         }
     }
-    sampler.progress.advance(tallies.len());
+    // Leaves that are hidden in all of the first directions are looked at again.
+    let done = tallies.iter().filter(|tally| before > 0 || tally.most as f32 > 0.0).count();
+    sampler.progress.advance(done);
     Ok(tallies.into_iter().map(|tally| (tally.leaf, tally.finish(count, field.activation()))).collect())
 }
 
@@ -245,7 +247,9 @@ mod tests {
             bake(&settings, inside, |_| |_| DVec3::splat(0.5)).unwrap()
         };
         let field = ball(1000.0);
-        let all = visibility(&field, 1.0, false, &Progress::default()).unwrap();
+        let progress = Progress::default();
+        let all = visibility(&field, 1.0, false, &progress).unwrap();
+        assert_eq!(progress.fraction(), 1.0);
         let cells = f64::from(1u32 << field.depth());
         for (cell, seen) in field.leaf_cells().zip(&all.leaves) {
             let center = field.frame().to_world((cell.corner.as_dvec3() + 0.5) / cells);
@@ -268,7 +272,9 @@ mod tests {
         }
         let haze = ball(0.01);
         let width = 2.0 / 64.0;
-        for seen in visibility(&haze, 1.0, false, &Progress::default()).unwrap().leaves {
+        let all = visibility(&haze, 1.0, false, &progress).unwrap();
+        assert_eq!(progress.fraction(), 1.0);
+        for seen in all.leaves {
             // The longest path through a cell is its diagonal.
             assert!(seen.most > 0.008 * width && seen.most < 0.01 * 1.8 * width, "{seen:?}");
         }

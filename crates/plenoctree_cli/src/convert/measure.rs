@@ -30,7 +30,7 @@ pub struct Pictures {
 
 /// Views of a field next to those of its capture.
 pub struct Measured {
-    whole: Compared,
+    pub whole: Compared,
     between: Compared,
     near: Compared,
 }
@@ -42,9 +42,9 @@ pub struct Compared {
     /// PSNR of every view over white, and over black.
     views: Vec<[f64; 2]>,
     /// Where they show something.
-    shown: Shown,
+    pub shown: Shown,
     /// The capture at the left, the field at the right, over white.
-    previews: Vec<Comparison>,
+    pub previews: Vec<Comparison>,
 }
 
 /// The pixels of all views in which the capture or the field shows something. Small things far apart leave most of a
@@ -126,22 +126,12 @@ impl Measured {
         })
     }
 
-    /// Returns what views of the whole show.
-    pub fn shown(&self) -> Shown {
-        self.whole.shown
-    }
-
     /// Returns what this field gains over another one at each distance, in the mean PSNR over white, in decibels: from
     /// where the whole is in view, from halfway and from nearby.
     pub fn gains(&self, before: &Self) -> [f64; 3] {
         let psnrs = |measured: &Self| [&measured.whole, &measured.between, &measured.near].map(|views| views.psnr[0]);
         let (before, after) = (psnrs(before), psnrs(self));
         std::array::from_fn(|distance| after[distance] - before[distance])
-    }
-
-    /// Returns the views of the whole.
-    pub fn previews(&self) -> &[Comparison] {
-        &self.whole.previews
     }
 }
 

@@ -115,7 +115,7 @@ pub fn run(arguments: &Arguments) -> Result {
             measuring += start.elapsed();
         }
     }
-    let shown = measured.shown();
+    let shown = measured.whole.shown;
     if shown.psnr < LEAST_PSNR {
         console::complain!(
             "warning: {}: the field hardly looks like the capture, with {:.2} dB in the {:.2}% of views of the whole \
@@ -151,7 +151,8 @@ pub fn run(arguments: &Arguments) -> Result {
             "measuring": seconds(measuring),
         },
     });
-    let (file, written) = output::write(&arguments.out, &field, &arguments.extraction, measured.previews(), &report)?;
+    let (file, written) =
+        output::write(&arguments.out, &field, &arguments.extraction, &measured.whole.previews, &report)?;
     console::say!("{}: {}", file.display(), counted(written, "leaf", "leaves"));
     Ok(())
 }

@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 
 use self::output::Quality;
 use crate::{
-    capture, console, hex,
+    capture, console, files, hex,
     number::counted,
     result::Result,
     training::{Interruption, use_threads},
@@ -126,9 +126,13 @@ pub fn run(arguments: &Arguments) -> Result {
 /// so that the quality of two fits compares only where these are the same.
 fn compared(inputs: &[&FitInput], arguments: &Arguments, downscale: u32) -> Value {
     let size = |view: &View| [view.camera.width, view.camera.height].map(|side| (side / downscale).max(1));
+    let whole = |path: &Path| fs::canonicalize(path).unwrap_or_else(|_| path.into());
+    // All of the input may move together.
+    let input = whole(&arguments.input);
+    let folder = if input.is_dir() { &input } else { files::folder_of(&input) };
     let place = |path: &Path| {
-        let place = fs::canonicalize(path).unwrap_or_else(|_| path.into());
-        place.to_string_lossy().into_owned()
+        let path = whole(path);
+        path.strip_prefix(folder).unwrap_or(&path).to_string_lossy().into_owned()
     };
     let views = || inputs.iter().flat_map(|input| &input.views);
     let own_masks = views().filter_map(|view| view.mask.as_deref().filter(|_| arguments.masks.is_none()));
@@ -156,12 +160,17 @@ fn warn_of_input(path: &Path, input: &FitInput) {
     }
 }
 
+/// Returns whether the input is a glTF model, judging by its name.
+fn is_model(input: &Path) -> bool {
+    input.extension().is_some_and(|extension| ["gltf", "glb"].iter().any(|name| extension.eq_ignore_ascii_case(name)))
+}
+
 /// Renders the input if it is a glTF model. Returns the path of its pictures, next to the output, and how many of their
 /// pixels the fit must average along each axis.
 #[cfg(feature = "gltf")]
 fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
     let input = arguments.input.display();
-    if !model::is_model(&arguments.input) {
+    if !is_model(&arguments.input) {
         if arguments.views.is_some() || arguments.size.is_some() {
             return Err(format!("{input}: --views and --size are for glTF models, .gltf or .glb").into());
         }
@@ -171,6 +180,8 @@ fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
         return Err(format!("{input}: --pictures is for photographs, but a model is rendered").into());
     }
     let folder = arguments.out.with_extension("pictures");
+    let inputs = [&arguments.input].into_iter().chain(&arguments.test).chain(&arguments.masks);
+    files::check_outside(&folder, inputs.map(PathBuf::as_path))?;
     let (views, size) = (arguments.views.unwrap_or(120), arguments.size.unwrap_or(400));
     let transforms = model::photograph(&arguments.input, &folder, views, size)?;
     Ok(Some((transforms, model::SUPERSAMPLING)))
@@ -179,7 +190,7 @@ fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
 /// Rejects glTF models: rendering them requires the engine.
 #[cfg(not(feature = "gltf"))]
 fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
-    if arguments.input.extension().is_some_and(|extension| extension == "gltf" || extension == "glb") {
+    if is_model(&arguments.input) {
         let input = arguments.input.display();
         return Err(format!(
             "{input}: rendering a glTF model requires the engine: build with the feature gltf, which is on by default"

@@ -1,6 +1,7 @@
 //! Pictures of a glTF model: the engine renders it, lit, from cameras around it.
 
 use std::{
+    ffi::OsStr,
     path::{Path, PathBuf},
     time::{Duration, Instant},
 };
@@ -32,23 +33,16 @@ pub const SUPERSAMPLING: u32 = 2;
 /// The time limit for loading a model.
 const LOAD_TIMEOUT: Duration = Duration::from_secs(300);
 
-/// Returns whether the input is a glTF model, judging by its name.
-pub fn is_model(input: &Path) -> bool {
-    input.extension().is_some_and(|extension| ["gltf", "glb"].iter().any(|name| extension.eq_ignore_ascii_case(name)))
-}
-
 /// Renders the model from `views` cameras all around it, [`SUPERSAMPLING`] times as large as `size`, with its opacity.
 /// Writes the pictures to `folder`, with a `transforms.json` file whose path is returned.
 ///
 /// The frame of the cameras has z up, as fields have by default: a prop with the identity transform is where the model
 /// is.
 pub fn photograph(model: &Path, folder: &Path, views: u32, size: u32) -> Result<PathBuf> {
-    let path = model.canonicalize().map_err(|error| format!("{}: {error}", model.display()))?;
-    let (Some(parent), Some(name)) = (path.parent(), path.file_name().and_then(|name| name.to_str())) else {
-        return Err(format!("{}: not the name of a file", model.display()).into());
-    };
+    let parent = files::folder_of(model).canonicalize().map_err(|error| format!("{}: {error}", model.display()))?;
+    let name = model.file_name().ok_or_else(|| format!("{}: not the name of a file", model.display()))?;
     let side = SUPERSAMPLING * size;
-    let mut studio = Headless::with_assets(UVec2::splat(side), parent, |app| {
+    let mut studio = Headless::with_assets(UVec2::splat(side), &parent, |app| {
         app.add_plugins((WorldSerializationPlugin, GltfPlugin::default(), LitMeshPlugins.set(PbrPlugin::default())));
         app.add_plugins(PlenOctreePlugin);
         app.add_systems(Update, mipmaps::add_to_textures.run_if(resource_changed::<Assets<Image>>));
@@ -80,8 +74,7 @@ pub fn photograph(model: &Path, folder: &Path, views: u32, size: u32) -> Result<
             studio.wait_until_ready(LOAD_TIMEOUT)?;
         }
         let name = format!("view_{view:03}.png");
-        let path = folder.join(&name);
-        straight(studio.capture()?).save(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        files::write_image(&folder.join(&name), &straight(studio.capture()?))?;
         pictures.push((name, pinhole));
         bar.inc(1);
     }
@@ -91,7 +84,7 @@ pub fn photograph(model: &Path, folder: &Path, views: u32, size: u32) -> Result<
 
 /// Spawns the model's first scene, without its own cameras and lights, and waits until all of it is loaded. Returns its
 /// root.
-fn load(studio: &mut Headless, model: &Path, name: &str) -> Result<Entity> {
+fn load(studio: &mut Headless, model: &Path, name: &OsStr) -> Result<Entity> {
     let server = studio.app.world().resource::<AssetServer>();
     let scene: Handle<WorldAsset> = server
         .load_builder()
@@ -99,7 +92,7 @@ fn load(studio: &mut Headless, model: &Path, name: &str) -> Result<Entity> {
             settings.load_cameras = false;
             settings.load_lights = false;
         })
-        .load(GltfAssetLabel::Scene(0).from_asset(name.to_string()));
+        .load(GltfAssetLabel::Scene(0).from_asset(PathBuf::from(name)));
     let root = studio.app.world_mut().spawn(WorldAssetRoot(scene.clone())).id();
     // Behind the first line, there may be a backtrace of the loader.
     let failed = |error: String| format!("{}: {}", model.display(), error.lines().next().unwrap_or_default());

@@ -132,7 +132,7 @@ fn difference(found: &[DVec3], expected: &[DVec3]) -> f64 {
     decibels(squares / (3.0 * found.len() as f64))
 }
 
-/// Returns views from around, half of them from higher up. None if the field is empty.
+/// Returns views from around, half of them from higher up. No views if the field is empty.
 fn around(field: &PlenOctree, size: (u32, u32), views: u32) -> Vec<PinholeCamera> {
     let of_view = |view: u32| {
         let azimuth = TAU * f64::from(view) / f64::from(views);

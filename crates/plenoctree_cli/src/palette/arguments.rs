@@ -51,14 +51,6 @@ struct Source {
     from_histograms: Option<PathBuf>,
 }
 
-/// The input of palette extraction.
-pub enum Input<'a> {
-    /// A field.
-    Field(&'a Path),
-    /// Sampled histograms.
-    Histograms(&'a Path),
-}
-
 impl Arguments {
     /// Checks that the files can be written: the palette to `out`, its image and the histograms.
     pub fn check_outputs(&self, out: &Path, input: &Path) -> Result {
@@ -67,12 +59,11 @@ impl Arguments {
         files::check_outputs(&[out].into_iter().chain(others).collect::<Vec<_>>(), &[input])
     }
 
-    /// Returns the input.
-    pub fn input(&self) -> Input<'_> {
-        match (&self.source.field, &self.source.from_histograms) {
-            (_, Some(histograms)) => Input::Histograms(histograms),
-            (field, None) => Input::Field(field.as_deref().unwrap_or(Path::new(""))),
-        }
+    /// Returns the file that the palette is extracted from, and whether it holds histograms instead of a field.
+    pub fn input(&self) -> (&Path, bool) {
+        let Source { field, from_histograms } = &self.source;
+        let path = from_histograms.as_deref().or(field.as_deref()).unwrap_or(Path::new(""));
+        (path, from_histograms.is_some())
     }
 
     /// Returns the file to save the palette to. `input` is the file that the palette is extracted from.

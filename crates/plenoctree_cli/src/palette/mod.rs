@@ -19,27 +19,22 @@ use crate::{
     result::Result,
     swatches,
 };
-use arguments::Input;
 
 /// Extracts, writes and prints the palette.
 pub fn run(arguments: &Arguments) -> Result {
     let settings = arguments.extraction.settings()?;
-    let input = arguments.input();
-    let (Input::Field(path) | Input::Histograms(path)) = input;
+    let (path, holds_histograms) = arguments.input();
     let out = arguments.out(path);
     arguments.check_outputs(&out, path)?;
-    let extraction = match input {
-        Input::Field(path) => {
-            let field = arguments.reading.load(path, arguments.quiet)?;
-            let sampling = Some(arguments.sampling);
-            extraction::extract(&field, path, &arguments.extraction, sampling, arguments.quiet)?.extraction
-        }
-        Input::Histograms(path) => {
-            let extracted = extract_from_samples(&histograms::read(path)?, &[], &settings, &Progress::default());
-            let extraction = extracted.map_err(|error| format!("{}: {error}", path.display()))?;
-            extraction::warn_of_error(path, &settings, &extraction);
-            extraction
-        }
+    let extraction = if holds_histograms {
+        let extracted = extract_from_samples(&histograms::read(path)?, &[], &settings, &Progress::default());
+        let extraction = extracted.map_err(|error| format!("{}: {error}", path.display()))?;
+        extraction::warn_of_error(path, &settings, &extraction);
+        extraction
+    } else {
+        let field = arguments.reading.load(path, arguments.quiet)?;
+        let sampling = Some(arguments.sampling);
+        extraction::extract(&field, path, &arguments.extraction, sampling, arguments.quiet)?.extraction
     };
     let palette = &extraction.palette;
     files::keep_former_palette(&out, Some(palette))?;

@@ -197,7 +197,6 @@ mod tests {
     use plenoctree::{BakeSettings, Basis, bake};
 
     use super::*;
-    use crate::fit::input::{Distortion, Lens};
 
     /// What does not count does not help either.
     #[test]
@@ -218,8 +217,7 @@ mod tests {
     fn comparisons_of_large_photographs_are_small() {
         let settings = BakeSettings { depth: 2, basis: Basis::Rgba, directions: 8, ..Default::default() };
         let nothing = bake(&settings, |_| 0.0, |_| |_| DVec3::ONE).unwrap();
-        let lens = Lens { focal: DVec2::ONE, center: DVec2::ONE, distortion: Distortion::None };
-        let camera = ViewCamera::undistorted(2100, 7, lens, DMat3::IDENTITY, DVec3::ZERO);
+        let camera = ViewCamera::centered([2100, 7], 1.0, DMat3::IDENTITY, DVec3::ZERO);
         let pixels = (0..2100 * 7).map(|at| [[0, 51, 255], [51, 102, 0], [102, 0, 255]][at % 3]);
         let pixels = pixels.map(|[r, g, b]| [r, g, b, 255]).collect();
         let picture = Picture { width: 2100, height: 7, pixels, knows_opacity: false };

@@ -31,7 +31,8 @@ impl FitProgress {
         self.status.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Requests an early end. The fit returns its current result within seconds, after it has measured it.
+    /// Requests an early end. Once training has begun, the fit returns its current result within seconds, after it has
+    /// measured it.
     pub fn stop(&self) {
         self.stopped.store(true, Ordering::Relaxed);
     }

@@ -2,13 +2,13 @@
 
 use std::{sync::Arc, time::Duration};
 
-use glam::{DVec2, DVec3, Vec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 use plenoctree::{Activation, Basis, LeafCell, PlenOctree, camera::PinholeCamera, random::Random};
 
 use super::{
     error::FitError,
     grid::{Cube, Grid, Voxel, VoxelSet},
-    input::{Distortion, Lens, Picture, ViewCamera},
+    input::{Picture, ViewCamera},
     measure::quick_psnr,
     progress::FitProgress,
     report::{RoundReport, StageReport},
@@ -37,17 +37,11 @@ impl Shot {
     ///
     /// Panics if there are not as many pixels as the camera has.
     pub fn new(camera: &PinholeCamera, pixels: &[Vec4]) -> Self {
-        let PinholeCamera { width, height, focal_x, focal_y, center_x, center_y, rotation, position } = *camera;
+        let (width, height) = (camera.width, camera.height);
         assert_eq!(pixels.len(), width as usize * height as usize, "one pixel for each pixel of the camera");
-        let lens = Lens {
-            focal: DVec2::new(focal_x, focal_y),
-            center: DVec2::new(center_x, center_y),
-            distortion: Distortion::None,
-        };
         let bytes = |pixel: &Vec4| (255.0 * pixel.clamp(Vec4::ZERO, Vec4::ONE)).round().to_array().map(|x| x as u8);
         let picture = Picture { width, height, pixels: pixels.iter().map(bytes).collect(), knows_opacity: true };
-        let camera = ViewCamera::undistorted(width, height, lens, rotation, position);
-        Self { view: TrainView { number: 0, camera, picture: Arc::new(picture) } }
+        Self { view: TrainView { number: 0, camera: ViewCamera::pinhole(camera), picture: Arc::new(picture) } }
     }
 }
 
@@ -172,7 +166,7 @@ pub(super) fn refine_by(
         rounds.push(RoundReport { stage: StageReport::new(&model, &position, after), gain_db });
         if after.is_none() {
             kept = rounds.len();
-        } else if after >= most {
+        } else if after > most {
             (kept, most) = (rounds.len(), after);
             best.clone_from(&model.grid.values);
         }

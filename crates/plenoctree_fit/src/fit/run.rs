@@ -391,18 +391,16 @@ fn measure(
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec2;
 
     use super::*;
-    use crate::fit::input::{Distortion, Lens};
+    use crate::fit::input::Distortion;
 
     /// Everything about a camera, a mask and the points tells inputs apart. Where the files are does not.
     #[test]
     fn keys_tell_inputs_apart() {
         let settings = FitSettings::default();
         let view = |change: &dyn Fn(&mut ViewCamera)| {
-            let lens = Lens { focal: DVec2::splat(50.0), center: DVec2::splat(20.0), distortion: Distortion::None };
-            let mut camera = ViewCamera::undistorted(40, 40, lens, DMat3::IDENTITY, DVec3::ZERO);
+            let mut camera = ViewCamera::centered([40; 2], 50.0, DMat3::IDENTITY, DVec3::ZERO);
             change(&mut camera);
             View { name: "a".into(), picture: "a.png".into(), mask: None, camera }
         };

@@ -307,17 +307,15 @@ impl Counts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::input::{Distortion, Lens};
 
     /// A camera far away that looks elsewhere does not move the place that all others look at; without such a place,
     /// there is an error.
     #[test]
     fn cameras_look_at_a_common_place() {
-        let lens = Lens { focal: DVec2::splat(60.0), center: DVec2::splat(20.0), distortion: Distortion::None };
         let camera = |position: DVec3, at: DVec3| {
             let back = (position - at).normalize();
             let right = DVec3::Y.cross(back).normalize();
-            ViewCamera::undistorted(40, 40, lens, DMat3::from_cols(right, back.cross(right), back), position)
+            ViewCamera::centered([40; 2], 60.0, DMat3::from_cols(right, back.cross(right), back), position)
         };
         let at = DVec3::new(0.3, 0.2, 0.1);
         let around = |index: u32| {

@@ -34,9 +34,8 @@ pub struct FitSettings {
     /// How much work to do, as a multiple of the default. Above 0, 1 by default.
     pub effort: f64,
     /// Time for training, which does not include reading the pictures and measuring the result. The field is then as
-    /// good as the time allows, but differs from run to run. Stages that there is
-    /// no time for are skipped. `None`, the default, does the work that `effort`
-    /// specifies.
+    /// good as the time allows, but differs from run to run. Stages that there is no time for are skipped. `None`, the
+    /// default, does the work that `effort` specifies.
     pub time: Option<Duration>,
     /// Seed of the random numbers. The same seed gives the same field, on any number of threads, unless `time` is set.
     pub seed: u64,

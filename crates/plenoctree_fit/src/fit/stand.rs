@@ -46,17 +46,11 @@ pub fn matrix(turn: DMat3, shift: DVec3) -> [[f64; 4]; 4] {
 mod tests {
     use std::f64::consts::{FRAC_PI_2, TAU};
 
-    use glam::DVec2;
-
     use super::*;
-    use crate::fit::{
-        input::{Distortion, Lens},
-        report::FitReport,
-    };
+    use crate::fit::report::FitReport;
 
     /// Views from around and above, with cameras that are turned about their optical axes by so many right angles.
     fn views(up: DVec3, turns: impl Fn(usize) -> f64) -> Vec<View> {
-        let lens = Lens { focal: DVec2::splat(50.0), center: DVec2::splat(20.0), distortion: Distortion::None };
         let side = up.any_orthonormal_vector();
         (0..24)
             .map(|index| {
@@ -66,7 +60,7 @@ mod tests {
                 let level = DMat3::from_cols(right, back.cross(right), back);
                 let rotation = level * DMat3::from_rotation_z(turns(index) * FRAC_PI_2);
                 let position = DVec3::new(5.0, -3.0, 2.0) + 4.0 * back;
-                let camera = ViewCamera::undistorted(40, 40, lens, rotation, position);
+                let camera = ViewCamera::centered([40; 2], 50.0, rotation, position);
                 View { name: String::new(), picture: "nowhere.png".into(), mask: None, camera }
             })
             .collect()

@@ -43,8 +43,8 @@ pub struct Splats {
     coefficients: Vec<Vec3>,
     dropped: usize,
     antialiased: bool,
-    assumes_axes: bool,
-    up: Option<Axis>,
+    pub(super) assumes_axes: bool,
+    pub(super) up: Option<Axis>,
 }
 
 impl Splats {
@@ -133,19 +133,9 @@ impl Splats {
         self.assumes_axes
     }
 
-    /// Sets whether the axes had to be assumed.
-    pub(super) fn set_assumes_axes(&mut self, assumes_axes: bool) {
-        self.assumes_axes = assumes_axes;
-    }
-
     /// Returns the direction that is up in the coordinates of the file, if the file says so.
     pub fn up(&self) -> Option<Axis> {
         self.up
-    }
-
-    /// Sets the direction that is up.
-    pub(super) fn set_up(&mut self, up: Option<Axis>) {
-        self.up = up;
     }
 
     /// Returns the degree of the harmonics, 0 to 3.

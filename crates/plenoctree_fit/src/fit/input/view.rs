@@ -4,6 +4,7 @@ use std::{f64::consts::FRAC_PI_2, path::PathBuf, sync::Arc};
 
 use glam::{DMat3, DVec2, DVec3};
 use image::{GrayImage, metadata::Orientation};
+use plenoctree::camera::PinholeCamera;
 
 use super::{
     lens::{Distortion, Lens},
@@ -128,9 +129,19 @@ impl CameraMaker {
 }
 
 impl ViewCamera {
-    /// Creates a camera with this lens, but without distortion.
-    pub(in crate::fit) fn undistorted(width: u32, height: u32, lens: Lens, rotation: DMat3, position: DVec3) -> Self {
-        let lens = Lens { distortion: Distortion::None, ..lens };
+    /// Creates a camera that sees what a pinhole camera sees.
+    pub(in crate::fit) fn pinhole(camera: &PinholeCamera) -> Self {
+        let PinholeCamera { width, height, focal_x, focal_y, center_x, center_y, rotation, position } = *camera;
+        let (focal, center) = (DVec2::new(focal_x, focal_y), DVec2::new(center_x, center_y));
+        let lens = Lens { focal, center, distortion: Distortion::None };
+        Self { width, height, lens, rotation, position, directions: None, known: None }
+    }
+
+    /// Creates a camera whose axis is in the middle of its picture.
+    #[cfg(test)]
+    pub(in crate::fit) fn centered([width, height]: [u32; 2], focal: f64, rotation: DMat3, position: DVec3) -> Self {
+        let center = 0.5 * DVec2::new(width.into(), height.into());
+        let lens = Lens { focal: DVec2::splat(focal), center, distortion: Distortion::None };
         Self { width, height, lens, rotation, position, directions: None, known: None }
     }
 
@@ -277,8 +288,7 @@ mod tests {
     /// A pixel is known if all that it is the mean of are white in the mask, and only what is known is seen.
     #[test]
     fn known_pixels_are_white_in_the_mask() {
-        let lens = Lens { focal: DVec2::splat(4.0), center: DVec2::new(3.0, 1.0), distortion: Distortion::None };
-        let mut camera = ViewCamera::undistorted(6, 2, lens, DMat3::IDENTITY, DVec3::ZERO);
+        let mut camera = ViewCamera::centered([6, 2], 4.0, DMat3::IDENTITY, DVec3::ZERO);
         assert!(camera.knows(0, 0) && camera.sees(DVec3::new(-0.6, 0.0, -1.0)).is_some());
         let mask = GrayImage::from_fn(6, 2, |x, _| image::Luma([if x < 3 { 0 } else { 255 }]));
         camera.set_known(Arc::new(mask));

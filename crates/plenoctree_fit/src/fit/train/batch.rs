@@ -328,7 +328,7 @@ mod tests {
     use super::*;
     use crate::fit::{
         grid::{Cube, Voxel, VoxelSet},
-        input::{Distortion, Lens, Picture, ViewCamera},
+        input::{Picture, ViewCamera},
         train::backdrop::Backdrop,
     };
 
@@ -355,11 +355,11 @@ mod tests {
             grid.values[voxel * FUNCTIONS].w = 0.6 * random.unit();
             grid.thickness[voxel] = grid.values[voxel * FUNCTIONS].w;
         }
-        let lens = Lens { focal: DVec2::splat(7.0), center: DVec2::splat(3.1), distortion: Distortion::None };
         let back = DVec3::new(0.4, 0.7, 0.9).normalize();
         let right = DVec3::Y.cross(back).normalize();
         let rotation = DMat3::from_cols(right, back.cross(right), back);
-        let camera = ViewCamera::undistorted(SIZE, SIZE, lens, rotation, 3.0 * back);
+        let mut camera = ViewCamera::centered([SIZE; 2], 7.0, rotation, 3.0 * back);
+        camera.lens.center = DVec2::splat(3.1);
         let pixels = (0..SIZE * SIZE)
             .map(|_| {
                 let a = random.unit();

@@ -124,10 +124,9 @@ impl Gallery {
 
 #[cfg(test)]
 mod tests {
-    use glam::{DMat3, DVec2, DVec3};
+    use glam::{DMat3, DVec3};
 
     use super::*;
-    use crate::fit::input::{Distortion, Lens};
 
     /// Rounds over a part of the views show all of them, about equally many at a time, before any is shown again.
     #[test]
@@ -136,8 +135,7 @@ mod tests {
         for (views, at_once, sizes) in
             [(9, 4, vec![3, 3, 3]), (11, 10, vec![6, 5]), (3, 1, vec![1; 3]), (5, 7, vec![5])]
         {
-            let lens = Lens { focal: DVec2::ONE, center: DVec2::ONE, distortion: Distortion::None };
-            let camera = ViewCamera::undistorted(2, 2, lens, DMat3::IDENTITY, DVec3::ZERO);
+            let camera = ViewCamera::centered([2; 2], 1.0, DMat3::IDENTITY, DVec3::ZERO);
             // A picture takes 16 bytes.
             let mut gallery = Gallery::new(Vec::new(), vec![camera; views], 1, 16 * at_once);
             for _ in 0..3 {

@@ -330,10 +330,7 @@ mod tests {
     use glam::{DMat3, DVec3};
 
     use super::*;
-    use crate::fit::{
-        grid::Cube,
-        input::{Distortion, Lens, Picture},
-    };
+    use crate::fit::{grid::Cube, input::Picture};
 
     /// Of many tiles, some are drawn at random, as many of them from each part of the picture that shows something.
     #[test]
@@ -345,12 +342,7 @@ mod tests {
         let grid = Grid::new(Cube { low: DVec3::splat(-0.5), size: 1.0 }, 1, &set);
         // The cube takes up about a quarter of it.
         let size = 1200;
-        let lens = Lens {
-            focal: DVec2::splat(0.5 * f64::from(size)),
-            center: DVec2::splat(0.5 * f64::from(size)),
-            distortion: Distortion::None,
-        };
-        let camera = ViewCamera::undistorted(size, size, lens, DMat3::IDENTITY, DVec3::new(0.0, 0.0, 1.5));
+        let camera = ViewCamera::centered([size; 2], 0.5 * f64::from(size), DMat3::IDENTITY, DVec3::new(0.0, 0.0, 1.5));
         let picture = Arc::new(Picture { width: size, height: size, pixels: Vec::new(), knows_opacity: true });
         let views = [TrainView { number: 0, camera, picture }];
         let all = active_tiles(&grid, &views, None);
@@ -372,8 +364,7 @@ mod tests {
         (0..512).for_each(|place| set.insert(Voxel::cell(UVec3::new(place / 64, place / 8 % 8, place % 8))));
         let grid = Grid::new(Cube { low: DVec3::splat(-0.5), size: 1.0 }, 1, &set);
         let size = 500;
-        let lens = Lens { focal: DVec2::splat(400.0), center: DVec2::splat(250.0), distortion: Distortion::None };
-        let camera = ViewCamera::undistorted(size, size, lens, DMat3::IDENTITY, DVec3::new(0.0, 0.0, 1.5));
+        let camera = ViewCamera::centered([size; 2], 400.0, DMat3::IDENTITY, DVec3::new(0.0, 0.0, 1.5));
         let pixels = vec![[0; 4]; (size * size) as usize];
         let picture = Arc::new(Picture { width: size, height: size, pixels, knows_opacity: true });
         let views = vec![TrainView { number: 0, camera, picture }];

@@ -304,15 +304,11 @@ mod tests {
     use glam::{DMat3, DVec3, UVec3, Vec4};
 
     use super::*;
-    use crate::fit::{
-        grid::Cube,
-        input::{Distortion, Lens, Picture},
-    };
+    use crate::fit::{grid::Cube, input::Picture};
 
     /// A camera that sees all of a cube around the origin.
     fn camera() -> ViewCamera {
-        let lens = Lens { focal: DVec2::splat(40.0), center: DVec2::splat(32.0), distortion: Distortion::None };
-        ViewCamera::undistorted(64, 64, lens, DMat3::IDENTITY, DVec3::new(0.0, 0.0, 4.0))
+        ViewCamera::centered([64; 2], 40.0, DMat3::IDENTITY, DVec3::new(0.0, 0.0, 4.0))
     }
 
     /// A grid of 64 voxels per side. `thickness` is that of the voxel at a position, or 0 if there is none.
@@ -381,8 +377,7 @@ mod tests {
     /// A camera that looks at the origin from this direction, 1.2 units away.
     fn near(turn: f64, up: f64) -> ViewCamera {
         let rotation = DMat3::from_rotation_y(turn) * DMat3::from_rotation_x(-up);
-        let lens = Lens { focal: DVec2::splat(60.0), center: DVec2::splat(32.0), distortion: Distortion::None };
-        ViewCamera::undistorted(64, 64, lens, rotation, 1.2 * rotation.z_axis)
+        ViewCamera::centered([64; 2], 60.0, rotation, 1.2 * rotation.z_axis)
     }
 
     /// Of what is near a lens, only what other cameras do not see is a cloud.
@@ -417,8 +412,7 @@ mod tests {
         let around = |index: usize, count: usize| {
             let (turn, up) = (2.4 * index as f64, 1.0 - (2 * index + 1) as f64 / count as f64);
             let rotation = DMat3::from_rotation_y(turn) * DMat3::from_rotation_x(-up.asin());
-            let lens = Lens { focal: DVec2::splat(80.0), center: DVec2::splat(64.0), distortion: Distortion::None };
-            ViewCamera::undistorted(128, 128, lens, rotation, 4.0 * rotation.z_axis)
+            ViewCamera::centered([128; 2], 80.0, rotation, 4.0 * rotation.z_axis)
         };
         let seen = |count: usize| {
             let cameras: Vec<_> = (0..count).map(|index| around(index, count)).collect();

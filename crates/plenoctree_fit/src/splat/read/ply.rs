@@ -44,7 +44,7 @@ pub fn read(bytes: &[u8]) -> Result<Splats, Fault> {
     };
     let (antialiased, up) = described(&ply.comments);
     splats.set_antialiased(antialiased || rows.element.number(FILTER).is_some());
-    splats.set_up(up);
+    splats.up = up;
     Ok(splats)
 }
 

@@ -54,7 +54,7 @@ pub fn read(bytes: &[u8], axes: SpzAxes) -> Result<Splats, Fault> {
     };
     let turn = to_right_down_front(recorded.unwrap_or(default))?;
     let mut splats = if turn == DMat3::IDENTITY { splats } else { splats.transformed(DAffine3::from_mat3(turn)) };
-    splats.set_assumes_axes(recorded.is_none() && axes == SpzAxes::Unknown);
+    splats.assumes_axes = recorded.is_none() && axes == SpzAxes::Unknown;
     Ok(splats)
 }
 
