@@ -294,30 +294,6 @@ fn props_stay_when_the_palette_of_another_field_arrives() {
     }
 }
 
-/// Nor does a prop lose anything while another one waits for its own pipelines, and new settings for theirs.
-#[test]
-fn features_stay_while_another_prop_waits() {
-    let (mut headless, _) = app(Some(Posterize::default()), |_| ());
-    assert!(features(&mut headless).contains("finish"));
-    let world = headless.app.world_mut();
-    let prop = world.query_filtered::<Entity, With<Prop>>().single(world).unwrap();
-    let field = world.resource_mut::<Assets<PlenOctree>>().add(cube(Basis::Sh16, DVec3::new(0.2, 0.6, 0.3)));
-    world.spawn((Prop(field), Transform::from_xyz(0.8, 0.0, 0.0).with_scale(Vec3::splat(0.2))));
-    while view(&mut headless).plan.props.len() < 2 {
-        headless.update();
-    }
-    headless.update();
-    headless.app.world_mut().entity_mut(prop).insert(Ink::default());
-    loop {
-        headless.update();
-        assert!(features(&mut headless).contains("finish"));
-        if is_complete(&mut headless) && view(&mut headless).plan.has_ink {
-            break;
-        }
-    }
-    assert_eq!(drawn_props(&mut headless), 2);
-}
-
 /// A prop draws the batches that may have pixels of it, no matter how large others are, and none out of view.
 #[test]
 fn props_draw_the_batches_around_them() {
