@@ -76,11 +76,23 @@ pub fn difference(frame: &RgbaImage, expected: &[DVec3]) -> f64 {
 /// Returns the root mean square difference of a frame from a rendering over a background, in 8-bit steps: that of the
 /// pixels where either of them shows anything but the background.
 pub fn difference_of_prop(frame: &RgbaImage, expected: &Rendering, background: DVec3) -> f64 {
-    let pixels = frame.pixels().zip(expected.over(background));
-    root_mean_square(pixels.filter(|(pixel, color)| is_off(pixel, background, 0.5) || *color != background))
+    root_mean_square(of_prop(frame, expected, background).map(|(_, pixel, color)| (pixel, color)))
 }
 
-fn root_mean_square<'a>(pixels: impl Iterator<Item = (&'a Rgba<u8>, DVec3)>) -> f64 {
+/// Returns the pixels of a frame where it or a rendering shows anything but the background: where they are, and what was
+/// found and expected.
+pub fn of_prop<'a>(
+    frame: &'a RgbaImage,
+    expected: &Rendering,
+    background: DVec3,
+) -> impl Iterator<Item = ((u32, u32), &'a Rgba<u8>, DVec3)> {
+    let pixels = frame.enumerate_pixels().zip(expected.over(background));
+    let pixels = pixels.map(|((x, y, pixel), color)| ((x, y), pixel, color));
+    pixels.filter(move |(_, pixel, color)| is_off(pixel, background, 0.5) || *color != background)
+}
+
+/// Returns the root mean square difference of pixels from the expected colors, in 8-bit steps.
+pub fn root_mean_square<'a>(pixels: impl Iterator<Item = (&'a Rgba<u8>, DVec3)>) -> f64 {
     let (mut squares, mut count) = (0.0, 0u32);
     for (pixel, color) in pixels {
         squares += (steps(pixel) - 255.0 * color.clamp(DVec3::ZERO, DVec3::ONE)).length_squared() / 3.0;
