@@ -100,13 +100,8 @@ pub fn train(
 ) -> Result<(), FitError> {
     let (start, before) = (Instant::now(), position.seconds);
     let mut stage = stage.clone();
-    let mut workspace = Workspace::default();
-    let mut thickness = Vec::new();
+    let mut learner = Learner::new(gallery.len());
     let mut watched = 0.0;
-    let mut average = Average::default();
-    let gain_tiles = GAIN_TILES.max(TILES_PER_GAIN * gallery.len());
-    let no_sums = vec![[Vec3::ZERO; 2]; gallery.len()];
-    let (mut sums, mut summed) = (no_sums.clone(), 0);
     let mut views = Vec::new();
     // The least fraction of the stage and the fewest rays at which other pictures replace these, if not all are in memory.
     let mut round = None;
@@ -172,50 +167,82 @@ pub fn train(
                 let limits = Limits { most, ..stage.prune_below };
                 let set = visibility::visible(&model.grid, &gallery.cameras(), limits);
                 model.grid = model.grid.resampled(&set);
-                average = Average::default();
+                learner.average = Average::default();
                 continue 'rounds;
             }
-            let knows_opacity = matches!(model.backdrop, Backdrop::Random);
-            let scene = Scene {
-                grid: &model.grid,
-                views: &views,
-                backdrop: &model.backdrop,
-                gains: &model.gains,
-                opacity: if knows_opacity { OPACITY } else { 0.0 },
-                fades_near: !knows_opacity,
-            };
             let tiles = &tiles[first..tiles.len().min(first + stage.tiles)];
-            render_batch(&scene, tiles, random.bits(), &mut workspace);
-            let optimizer = Optimizer { rates: stage.rates(fraction), ..stage.optimizer };
-            update(&mut model.grid, &workspace.parts, &optimizer, &mut thickness);
-            if stage.average_from.is_some_and(|from| fraction >= from) {
-                average.add(&model.grid);
-            }
-            let results = || workspace.parts.iter().flat_map(|part| &part.tiles);
-            if let Backdrop::Learned(map) = &mut model.backdrop {
-                let gradients = results().filter_map(|tile| tile.backdrop);
-                map.update(gradients, stage.backdrop_rate(fraction));
-            }
-            for tile in results() {
-                let number = views[tile.view as usize].number;
-                position.rays += u64::from(tile.rays);
-                (0..2).for_each(|index| sums[number][index] += tile.gain[index]);
-            }
-            summed += tiles.len();
-            if stage.learns_gains && summed >= gain_tiles {
-                learn_gains(&mut model.gains, &sums);
-                (sums, summed) = (no_sums.clone(), 0);
-            }
-            position.samples += workspace.parts.iter().map(|part| part.samples).sum::<u64>();
+            learner.learn(model, &stage, fraction, &views, tiles, random.bits(), position);
             if fraction >= watched {
                 watch(model, position, fraction, random);
                 watched = fraction + 0.02;
             }
         }
     }
-    average.apply(&mut model.grid);
+    learner.average.apply(&mut model.grid);
     position.seconds = before + start.elapsed().as_secs_f64();
     Ok(())
+}
+
+/// What a stage keeps from batch to batch.
+struct Learner {
+    workspace: Workspace,
+    thickness: Vec<f32>,
+    average: Average,
+    /// Of each view, the sums of the photographed and the rendered colors of the last tiles, and their number.
+    sums: Vec<[Vec3; 2]>,
+    summed: usize,
+}
+
+impl Learner {
+    fn new(views: usize) -> Self {
+        let (workspace, average) = (Workspace::default(), Average::default());
+        Self { workspace, thickness: Vec::new(), average, sums: vec![[Vec3::ZERO; 2]; views], summed: 0 }
+    }
+
+    /// Fits the model to a batch of tiles, and counts its rays and samples. `fraction` is that of the stage which is done.
+    fn learn(
+        &mut self,
+        model: &mut Model,
+        stage: &Stage,
+        fraction: f64,
+        views: &[TrainView],
+        tiles: &[Tile],
+        seed: u64,
+        position: &mut Position,
+    ) {
+        let knows_opacity = matches!(model.backdrop, Backdrop::Random);
+        let scene = Scene {
+            grid: &model.grid,
+            views,
+            backdrop: &model.backdrop,
+            gains: &model.gains,
+            opacity: if knows_opacity { OPACITY } else { 0.0 },
+            fades_near: !knows_opacity,
+        };
+        render_batch(&scene, tiles, seed, &mut self.workspace);
+        let optimizer = Optimizer { rates: stage.rates(fraction), ..stage.optimizer };
+        update(&mut model.grid, &self.workspace.parts, &optimizer, &mut self.thickness);
+        if stage.average_from.is_some_and(|from| fraction >= from) {
+            self.average.add(&model.grid);
+        }
+        let results = || self.workspace.parts.iter().flat_map(|part| &part.tiles);
+        if let Backdrop::Learned(map) = &mut model.backdrop {
+            let gradients = results().filter_map(|tile| tile.backdrop);
+            map.update(gradients, stage.backdrop_rate(fraction));
+        }
+        for tile in results() {
+            let number = views[tile.view as usize].number;
+            position.rays += u64::from(tile.rays);
+            (0..2).for_each(|index| self.sums[number][index] += tile.gain[index]);
+        }
+        position.samples += self.workspace.parts.iter().map(|part| part.samples).sum::<u64>();
+        self.summed += tiles.len();
+        if stage.learns_gains && self.summed >= GAIN_TILES.max(TILES_PER_GAIN * self.sums.len()) {
+            learn_gains(&mut model.gains, &self.sums);
+            self.sums.fill([Vec3::ZERO; 2]);
+            self.summed = 0;
+        }
+    }
 }
 
 /// Moves the gains halfway to the best ones for the last tiles, and keeps their geometric mean at 1. `sums` are those of
