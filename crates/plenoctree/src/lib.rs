@@ -70,4 +70,4 @@ pub use mesh::{MeshError, SurfaceMesh};
 #[cfg(feature = "write")]
 pub use pack::{PackError, PackSettings, Packed};
 pub use ray_cast::FieldHit;
-pub use save::{move_file, remove_unfinished_files, replace_file};
+pub use save::{follow_links, move_file, remove_unfinished_files, replace_file};

@@ -28,7 +28,7 @@ pub fn replace_file<E: From<io::Error>>(
         return fill(&mut File::create(path)?);
     }
     check_replaceable(existing.as_ref())?;
-    let (mut file, temporary) = create_beside(&followed(path)?)?;
+    let (mut file, temporary) = create_beside(&follow_links(path)?)?;
     let written = fill(&mut file);
     drop(file);
     if let Err(error) = written.and_then(|()| Ok(move_file(&temporary, path)?)) {
@@ -47,7 +47,7 @@ pub fn replace_file<E: From<io::Error>>(
 /// Returns an error if the existing file is read-only, or if `path` leads to another file system. Both files are then
 /// unchanged but for permissions.
 pub fn move_file(from: impl AsRef<Path>, path: impl AsRef<Path>) -> io::Result<()> {
-    let target = followed(path.as_ref())?;
+    let target = follow_links(path.as_ref())?;
     let existing = fs::metadata(&target).ok();
     check_replaceable(existing.as_ref())?;
     let file = File::options().append(true).open(&from)?;
@@ -80,10 +80,14 @@ fn temporary_prefix() -> String {
 }
 
 /// Returns the path that links at `path` lead to, whether or not there is a file.
-fn followed(path: &Path) -> io::Result<PathBuf> {
+///
+/// # Errors
+///
+/// Returns an error if the links lead in a circle.
+pub fn follow_links(path: impl AsRef<Path>) -> io::Result<PathBuf> {
     /// As many as Linux follows.
     const MOST: usize = 40;
-    let mut target = path.to_path_buf();
+    let mut target = path.as_ref().to_path_buf();
     for _ in 0..=MOST {
         let Ok(next) = fs::read_link(&target) else { return Ok(target) };
         target.pop();

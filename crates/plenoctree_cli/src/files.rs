@@ -167,9 +167,11 @@ pub fn check_outside<'a>(folder: &Path, inputs: impl IntoIterator<Item = &'a Pat
 
 /// Returns an error if [`write`] would fail.
 fn check_writable(path: &Path) -> io::Result<()> {
-    if fs::metadata(path).is_ok_and(|existing| !existing.is_file()) {
+    match fs::metadata(path) {
         // A device or a pipe, which would be written to.
-        return Ok(());
+        Ok(existing) if !existing.is_file() => return Ok(()),
+        Err(error) if error.kind() == io::ErrorKind::InvalidFilename => return Err(error),
+        _ => {}
     }
     // Fails with `None` once the file could be written, so that nothing is replaced.
     match plenoctree::replace_file(path, |_| Err(None::<io::Error>)) {

@@ -12,6 +12,9 @@ use serde_json::json;
 
 use crate::{console, files, result::Result};
 
+/// The name of the file that [`write`] writes.
+pub const FILE: &str = "transforms.json";
+
 /// Reads cameras, for images of this size if it is given. Warns, once, of lenses that distort: views do not.
 pub fn read(path: &Path, size: Option<(u32, u32)>) -> Result<Transforms> {
     static WARNED: Once = Once::new();
@@ -33,7 +36,7 @@ pub fn write(folder: &Path, fov: f64, pictures: &[(String, PinholeCamera)]) -> R
         json!({ "file_path": name, "transform_matrix": pose.transpose().to_cols_array_2d() })
     };
     let frames: Vec<_> = pictures.iter().map(frame).collect();
-    let path = folder.join("transforms.json");
+    let path = folder.join(FILE);
     let text = serde_json::to_string_pretty(&json!({ "camera_angle_x": fov, "frames": frames }))?;
     files::write_text(&path, &(text + "\n"))?;
     Ok(path)

@@ -98,8 +98,15 @@ fn captures_and_fields_are_rendered() {
     assert!(message.contains("000.png: would be overwritten; choose another --out"), "{message}");
     // Nor is what the cameras belong to.
     let mut listed: serde_json::Value = serde_json::from_slice(&fs::read(&cameras).unwrap()).unwrap();
-    for (key, name) in [("file_path", "000.png"), ("file_path", "./000"), ("file", "000.png")] {
-        listed["frames"][0].as_object_mut().unwrap().remove("file_path");
+    for (key, name) in [
+        ("file_path", "000.png"),
+        ("file_path", "./000"),
+        ("file_path", "/home/me/photographs/000.png"),
+        ("file_path", ".\\000.png"),
+        ("file", "000.png"),
+        ("mask_path", "000.png"),
+    ] {
+        listed["frames"][0].as_object_mut().unwrap().retain(|key, _| key != "file_path" && key != "file");
         listed["frames"][0][key] = name.into();
         fs::write(out.join("transforms.json"), format!("\u{feff}{listed}")).unwrap();
         let cameras = out.join("transforms.json");

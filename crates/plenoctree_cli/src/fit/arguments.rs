@@ -115,7 +115,7 @@ impl Arguments {
 
     /// Returns the folders of the input.
     pub fn folders(&self) -> InputFolders {
-        InputFolders { pictures: self.pictures.clone(), masks: self.masks.clone() }
+        InputFolders { pictures: self.pictures.clone(), masks: self.masks.clone(), ignored: Vec::new() }
     }
 }
 

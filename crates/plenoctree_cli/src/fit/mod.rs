@@ -31,12 +31,14 @@ const LEAST_PART: f64 = 0.05;
 
 /// Reads the views to measure the result on. Their pictures may have the same names as those of `fitted`, but other masks.
 fn read_test(path: &Path, fitted: &FitInput, masks: Option<PathBuf>) -> Result<FitInput> {
-    let unmasked = FitInput::read(path, &InputFolders::default())?;
+    let ignored = fitted.views.iter().filter_map(|view| view.ignored.clone()).collect::<BTreeSet<_>>();
+    let folders = InputFolders { ignored: ignored.into_iter().collect(), ..InputFolders::default() };
+    let unmasked = FitInput::read(path, &folders)?;
     if masks.is_none() {
         return Ok(unmasked);
     }
     let pictures: HashMap<_, _> = fitted.views.iter().map(|view| (&view.mask, &view.picture)).collect();
-    let reason = match FitInput::read(path, &InputFolders { pictures: None, masks }) {
+    let reason = match FitInput::read(path, &InputFolders { masks, ..folders }) {
         Ok(masked) => {
             let is_of_another = |view: &&View| pictures.get(&view.mask).is_some_and(|other| **other != view.picture);
             let Some(view) = masked.views.iter().find(is_of_another) else { return Ok(masked) };
@@ -53,7 +55,8 @@ fn read_test(path: &Path, fitted: &FitInput, masks: Option<PathBuf>) -> Result<F
 pub fn run(arguments: &Arguments) -> Result {
     capture::refuse(&arguments.input)?;
     let folders = arguments.folders();
-    let inputs: Vec<&Path> = [&arguments.input].into_iter().chain(&arguments.test).map(PathBuf::as_path).collect();
+    let inputs = [&arguments.input].into_iter().chain(&arguments.test).chain(&arguments.masks);
+    let inputs: Vec<&Path> = inputs.map(PathBuf::as_path).collect();
     output::check(&arguments.out, &inputs, &arguments.extraction)?;
     use_threads(arguments.threads)?;
     let interruption = Interruption::new(output::cleaning_up(&arguments.out))?;
@@ -73,9 +76,7 @@ pub fn run(arguments: &Arguments) -> Result {
     warn_of_input(&arguments.input, &input);
     let test = arguments.test.as_deref().map(|path| read_test(path, &input, folders.masks)).transpose()?;
     let views = input.views.iter().chain(test.iter().flat_map(|test| &test.views));
-    let ignored = input.ignored.iter().chain(test.iter().flat_map(|test| &test.ignored));
-    let pictures = views.flat_map(|view| [&view.picture].into_iter().chain(&view.mask)).chain(ignored);
-    output::check_outside_previews(&arguments.out, pictures.map(PathBuf::as_path))?;
+    output::check_outside_previews(&arguments.out, views.flat_map(files_of))?;
     if let (Some(path), Some(test)) = (&arguments.test, &test) {
         warn_of_input(path, test);
     }
@@ -122,6 +123,11 @@ pub fn run(arguments: &Arguments) -> Result {
     Ok(())
 }
 
+/// Returns the files of a view.
+fn files_of(view: &View) -> impl Iterator<Item = &Path> {
+    [&view.picture].into_iter().chain(&view.mask).chain(&view.ignored).map(PathBuf::as_path)
+}
+
 /// Describes the pictures that the field is compared with. A field matches small pictures more easily than large ones,
 /// so that the quality of two fits compares only where these are the same.
 fn compared(inputs: &[&FitInput], arguments: &Arguments, downscale: u32) -> Value {
@@ -140,7 +146,7 @@ fn compared(inputs: &[&FitInput], arguments: &Arguments, downscale: u32) -> Valu
         "sizes": views().map(size).collect::<BTreeSet<_>>(),
         "masks": arguments.masks.as_deref().map(place),
         "own_masks": own_masks.map(place).collect::<BTreeSet<_>>(),
-        "ignored": inputs.iter().map(|input| input.ignored.as_deref().map(place)).collect::<Vec<_>>(),
+        "ignored": views().filter_map(|view| view.ignored.as_deref()).map(place).collect::<BTreeSet<_>>(),
         "background": arguments.background.map(hex::format),
     })
 }
@@ -176,12 +182,19 @@ fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
         }
         return Ok(None);
     }
+    if arguments.input.extension().is_none_or(|extension| extension != "gltf" && extension != "glb") {
+        return Err(format!("{input}: the engine knows models by the endings .gltf and .glb; rename it").into());
+    }
     if arguments.pictures.is_some() {
         return Err(format!("{input}: --pictures is for photographs, but a model is rendered").into());
     }
     let folder = arguments.out.with_extension("pictures");
     let inputs = [&arguments.input].into_iter().chain(&arguments.test).chain(&arguments.masks);
     files::check_outside(&folder, inputs.map(PathBuf::as_path))?;
+    if let Some(test) = &arguments.test {
+        let test = FitInput::read(test, &InputFolders::default())?;
+        files::check_outside(&folder, test.views.iter().flat_map(files_of))?;
+    }
     let (views, size) = (arguments.views.unwrap_or(120), arguments.size.unwrap_or(400));
     let transforms = model::photograph(&arguments.input, &folder, views, size)?;
     Ok(Some((transforms, model::SUPERSAMPLING)))

@@ -2,6 +2,7 @@
 
 use std::{
     ffi::OsStr,
+    fs,
     path::{Path, PathBuf},
     time::{Duration, Instant},
 };
@@ -61,6 +62,8 @@ pub fn photograph(model: &Path, folder: &Path, views: u32, size: u32) -> Result<
     light(studio.app.world_mut());
 
     files::create_folder(folder)?;
+    // Pictures of an earlier model would be taken for those of this one if the rest is never rendered.
+    let _ = fs::remove_file(folder.join(transforms::FILE));
     let target = studio.target();
     let environment = environment(&mut studio.app.world_mut().resource_mut::<Assets<Image>>());
     let camera = studio.app.world_mut().spawn((exact_camera(Color::NONE), target, environment)).id();

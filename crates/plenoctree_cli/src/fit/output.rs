@@ -33,7 +33,15 @@ pub fn check(out: &Path, inputs: &[&Path], extraction: &ExtractionArguments) -> 
     }
     check_outside_previews(out, inputs.iter().copied())?;
     let targets = targets(out);
-    let outputs: Vec<&Path> = targets.iter().chain(&extraction.histograms).map(PathBuf::as_path).collect();
+    // They are moved into place once all are complete, which would replace devices and pipes.
+    if let Some(device) =
+        targets.iter().find(|target| fs::metadata(target).is_ok_and(|at| !at.is_file() && !at.is_dir()))
+    {
+        return Err(format!("{}: is not a regular file; choose another --out", device.display()).into());
+    }
+    let partials = targets.each_ref().map(|target| partial(target));
+    let outputs: Vec<&Path> =
+        targets.iter().chain(&partials).chain(&extraction.histograms).map(PathBuf::as_path).collect();
     files::check_outputs(&outputs, inputs)
 }
 
@@ -328,7 +336,7 @@ fn views(out: &Path) -> PathBuf {
 
 /// Returns the temporary name of an incomplete file, next to that to which links lead.
 fn partial(path: &Path) -> PathBuf {
-    fs::canonicalize(path).unwrap_or_else(|_| path.into()).with_added_extension("partial")
+    plenoctree::follow_links(path).unwrap_or_else(|_| path.into()).with_added_extension("partial")
 }
 
 /// The longest name of a preview, without its ending. Most file systems allow 255 bytes.
@@ -442,8 +450,17 @@ mod tests {
         let report =
             |name: &str| -> Value { serde_json::from_slice(&fs::read(folder.path().join(name)).unwrap()).unwrap() };
         assert_eq!([&report("report.json.old")["of"], &report("report.json")["of"]], ["a", "b"]);
+        let new = folder.path().join("c.npz");
+        std::os::unix::fs::symlink("store/new.npz", &new).unwrap();
+        write(&new, &field(), &extraction(), &[], &json!({})).unwrap();
+        assert!(new.is_symlink() && folder.path().join("store/new.npz").is_file());
         assert!(out.is_symlink() && fs::read(&linked).unwrap() == fs::read(folder.path().join("a.npz")).unwrap());
-        assert_eq!(fs::read_dir(folder.path().join("store")).unwrap().count(), 1);
+        assert_eq!(fs::read_dir(folder.path().join("store")).unwrap().count(), 2);
+        // Devices are not replaced, and names must leave room for what is not complete.
+        std::os::unix::fs::symlink("/dev/null", folder.path().join("d.npz")).unwrap();
+        let error = |name: &str| check(&folder.path().join(name), &[], &extraction()).unwrap_err().to_string();
+        assert!(error("d.npz").contains("is not a regular file"));
+        assert!(error(&("a".repeat(240) + ".npz")).contains("cannot be written"));
     }
 
     /// A field of which packing would leave nothing is packed all the same.

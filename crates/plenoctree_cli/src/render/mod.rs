@@ -50,9 +50,7 @@ pub fn run(arguments: &Arguments) -> Result {
         index.is_some_and(|index| file_name(index) == name)
     };
     let Transforms { cameras, pictures, .. } = transforms::read(&arguments.cameras, arguments.size)?;
-    // Some files leave out the extension.
-    let named: Vec<PathBuf> = pictures.iter().map(|picture| picture.with_added_extension("png")).collect();
-    let inputs = [path, &arguments.cameras].into_iter().chain(&pictures).chain(&named);
+    let inputs = [path, &arguments.cameras].into_iter().chain(&pictures);
     files::check_folder(&arguments.out, &inputs.map(PathBuf::as_path).collect::<Vec<_>>(), is_view)?;
     let extension = path.extension().unwrap_or_default();
     let scene = if PlenOctree::EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known)) {

@@ -2,6 +2,7 @@
 
 use std::{
     cell::Cell,
+    fs,
     hash::{DefaultHasher, Hash, Hasher},
     sync::Arc,
     time::{Duration, Instant},
@@ -291,13 +292,10 @@ fn key(input: &FitInput, settings: &FitSettings) -> u64 {
     let mut hasher = DefaultHasher::new();
     for view in &input.views {
         // Folders may move, so paths do not count.
-        let View { name, mask, camera, .. } = view;
+        let View { name, mask, ignored, camera, .. } = view;
         let ViewCamera { width, height, lens, rotation, position, .. } = camera;
-        let is_masked = mask.is_some();
-        if camera.is_masked() {
-            "ignored".hash(&mut hasher);
-        }
-        format!("{name:?} {is_masked} {width} {height} {lens:?} {rotation:?} {position:?}").hash(&mut hasher);
+        [mask, ignored].map(|mask| mask.as_ref().map(|mask| fs::read(mask).ok())).hash(&mut hasher);
+        format!("{name:?} {width} {height} {lens:?} {rotation:?} {position:?}").hash(&mut hasher);
     }
     input.points.iter().for_each(|point| point.to_array().map(f64::to_bits).hash(&mut hasher));
     let FitSettings { leaves, depth, basis, downscale, bounds, background, hold_out, stand, .. } = settings;
@@ -402,12 +400,18 @@ mod tests {
         let view = |change: &dyn Fn(&mut ViewCamera)| {
             let mut camera = ViewCamera::centered([40; 2], 50.0, DMat3::IDENTITY, DVec3::ZERO);
             change(&mut camera);
-            View { name: "a".into(), picture: "a.png".into(), mask: None, camera }
+            View { name: "a".into(), picture: "a.png".into(), mask: None, ignored: None, camera }
         };
         let input = |view| FitInput { views: vec![view], ..FitInput::default() };
         let same = || input(view(&|_| ()));
         let moved = input(View { picture: "elsewhere/a.png".into(), ..view(&|_| ()) });
         assert_eq!([key(&same(), &settings), key(&moved, &settings)], [key(&same(), &settings); 2]);
+        let folder = tempfile::tempdir().unwrap();
+        let [mask, other] = ["mask.png", "other.png"].map(|name| {
+            let path = folder.path().join(name);
+            fs::write(&path, name).unwrap();
+            Some(path)
+        });
         let others = [
             input(view(&|camera| camera.width = 41)),
             input(view(&|camera| camera.height = 41)),
@@ -416,7 +420,9 @@ mod tests {
             input(view(&|camera| camera.lens.distortion = Distortion::Fisheye([0.1, 0.0, 0.0, 0.0]))),
             input(view(&|camera| camera.rotation = DMat3::from_rotation_x(1e-6))),
             input(view(&|camera| camera.position.z = 1e-9)),
-            input(View { mask: Some("mask.png".into()), ..view(&|_| ()) }),
+            input(View { mask: mask.clone(), ..view(&|_| ()) }),
+            input(View { mask: other, ..view(&|_| ()) }),
+            input(View { ignored: mask, ..view(&|_| ()) }),
             FitInput { points: vec![DVec3::ONE], ..same() },
         ];
         let mut keys: Vec<u64> = others.iter().chain([&same()]).map(|input| key(input, &settings)).collect();

@@ -61,7 +61,7 @@ mod tests {
                 let rotation = level * DMat3::from_rotation_z(turns(index) * FRAC_PI_2);
                 let position = DVec3::new(5.0, -3.0, 2.0) + 4.0 * back;
                 let camera = ViewCamera::centered([40; 2], 50.0, rotation, position);
-                View { name: String::new(), picture: "nowhere.png".into(), mask: None, camera }
+                View { name: String::new(), picture: "nowhere.png".into(), mask: None, ignored: None, camera }
             })
             .collect()
     }

@@ -10,7 +10,7 @@ use glam::{DMat3, DMat4, DVec2, DVec4};
 use plenoctree::camera::PinholeCamera;
 use serde_json::Value;
 
-use super::error::FitError;
+use super::{error::FitError, input::find};
 use crate::file::without_mark;
 
 /// A key of the file, what was found there, and what was expected.
@@ -300,7 +300,8 @@ fn described(value: &Value) -> String {
 pub struct Transforms {
     /// The cameras, one per frame. They do not distort.
     pub cameras: Vec<PinholeCamera>,
-    /// The paths of the pictures, of frames that name one. They may lack an extension.
+    /// The paths of the pictures and masks of frames that name one, where they are or, if there is no such file, where
+    /// they would be.
     pub pictures: Vec<PathBuf>,
     /// Whether the file says that a lens distorts.
     pub is_distorted: bool,
@@ -353,10 +354,11 @@ impl Transforms {
                 camera.map_err(|wrong| file.fault(path, index, wrong))
             })
             .collect();
-        let name = |frame: &Frame| Some(path.with_file_name(frame.name.as_ref()?));
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let at = |name: &String| find(folder, name, false).unwrap_or_else(|| folder.join(name));
         Ok(Self {
             cameras: cameras?,
-            pictures: file.frames.iter().filter_map(name).collect(),
+            pictures: file.frames.iter().flat_map(|frame| frame.name.iter().chain(&frame.mask_path)).map(at).collect(),
             is_distorted: file.camera.distorts() || file.frames.iter().any(|frame| frame.camera.distorts()),
         })
     }

@@ -3,7 +3,7 @@
 use std::fs;
 
 use glam::{DVec2, DVec3};
-use plenoctree_fit::{Distortion, FitInput, FitProgress, FitSettings, InputFolders, Picture, fit};
+use plenoctree_fit::{Distortion, FitInput, FitProgress, FitSettings, InputFolders, Picture, View, fit};
 
 use crate::scene::{SIZE, cameras, folder, write_colmap_binary, write_colmap_text, write_pictures, write_transforms};
 
@@ -146,7 +146,7 @@ fn masks_of_single_frames_are_noted() {
     (0..2).for_each(|index| json["frames"][index]["mask_path"] = format!("mask_{index}.png").into());
     fs::write(&file, json.to_string()).unwrap();
     let input = read(&folder).unwrap();
-    assert!(input.views[0].mask.is_some() && input.ignored.is_none());
+    assert!(input.views[0].mask.is_some() && input.views.iter().all(|view| view.ignored.is_none()));
     assert_eq!(input.notes.len(), 1);
     assert!(input.notes[0].starts_with("2 of 3 frames have masks of their own"), "{:?}", input.notes);
 
@@ -429,21 +429,25 @@ fn masks_that_frames_share_are_ignored() {
     for name in ["same.png", "other.png"] {
         image::GrayImage::from_pixel(40, 40, image::Luma([255])).save(folder.join(name)).unwrap();
     }
-    let read = |masks: [&str; 4]| {
+    let read = |masks: [&str; 4], folders: &InputFolders| {
         let masked = masks.iter().enumerate().fold(text.clone(), |text, (index, mask)| {
             let (name, key) = (format!(r#""file_path":"./v_{index}""#), format!(r#""mask_path":"{mask}","#));
             if mask.is_empty() { text } else { text.replace(&name, &format!("{key}{name}")) }
         });
         fs::write(folder.join("transforms.json"), masked).unwrap();
-        let input = FitInput::read(&folder, &InputFolders::default()).unwrap();
-        (input.ignored.is_some(), input.views.iter().filter(|view| view.mask.is_some()).count())
+        let views = FitInput::read(&folder, folders).unwrap().views;
+        let count = |has: fn(&View) -> bool| views.iter().filter(|view| has(view)).count();
+        [count(|view| view.ignored.is_some()), count(|view| view.mask.is_some())]
     };
-    assert_eq!(read(["same.png"; 4]), (true, 0));
-    assert_eq!(read(["same.png", "same.png", "./same.png", ""]), (true, 0));
-    assert_eq!(read(["same.png", "same.png", "same.png", "other.png"]), (false, 4));
-    assert_eq!(read(["same.png", "", "", ""]), (false, 1));
+    let folders = InputFolders::default();
+    assert_eq!(read(["same.png"; 4], &folders), [4, 0]);
+    assert_eq!(read(["same.png", "same.png", "../shared/./same.png", ""], &folders), [3, 0]);
+    assert_eq!(read(["same.png", "same.png", "same.png", "other.png"], &folders), [0, 4]);
+    assert_eq!(read(["same.png", "", "", ""], &folders), [0, 1]);
+    let known = InputFolders { ignored: vec![folder.join("./same.png")], ..folders.clone() };
+    assert_eq!(read(["same.png", "", "", ""], &known), [1, 0]);
     fs::remove_file(folder.join("v_3.png")).unwrap();
-    assert_eq!(read(["same.png", "same.png", "same.png", "other.png"]), (true, 0));
+    assert_eq!(read(["same.png", "same.png", "same.png", "other.png"], &folders), [3, 0]);
 }
 
 /// Every kind of bad input gives an error that names the file and what is wrong with it.

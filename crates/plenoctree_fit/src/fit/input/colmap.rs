@@ -145,10 +145,10 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
                     "a lens that covers the picture",
                 )
             })?;
-            Ok(View { name: image.name, picture: path, mask: None, camera })
+            Ok(View { name: image.name, picture: path, mask: None, ignored: None, camera })
         })
         .collect::<Result<_, _>>()?;
-    Ok(FitInput { views, points, missing, notes, ..FitInput::default() })
+    Ok(FitInput { views, points, missing, notes })
 }
 
 /// Returns whether a folder has a model.
@@ -294,6 +294,8 @@ struct Lines {
 impl Lines {
     fn open(path: PathBuf) -> Result<Self, FitError> {
         let text = fs::read_to_string(&path).map_err(FitError::io(&path))?;
+        // The mark that some editors write.
+        let text = text.strip_prefix('\u{feff}').map(String::from).unwrap_or(text);
         Ok(Self { path, text })
     }
 

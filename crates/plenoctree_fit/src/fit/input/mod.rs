@@ -8,7 +8,7 @@ mod transforms;
 mod view;
 
 use std::{
-    collections::HashSet,
+    collections::{HashMap, HashSet},
     fs,
     path::{Path, PathBuf},
     sync::Arc,
@@ -19,6 +19,7 @@ use super::error::FitError;
 pub use lens::{Distortion, Lens};
 pub use parts::{FitInput, InputFolders};
 pub use picture::Picture;
+pub(super) use transforms::find;
 pub(super) use view::CameraMaker;
 pub use view::{View, ViewCamera};
 
@@ -96,12 +97,17 @@ impl FitInput {
                 view.mask = Some(mask_in(folder, &view.name, &view.picture)?);
             }
         }
-        if let Some(path) = &input.ignored {
-            let mask = Arc::new(picture::read_mask(path)?);
-            input.views.iter_mut().for_each(|view| view.camera.set_known(mask.clone()));
+        let mut known = HashMap::new();
+        for View { ignored, camera, .. } in &mut input.views {
+            let Some(path) = ignored else { continue };
+            let mask = match known.get(path) {
+                Some(mask) => mask,
+                None => known.entry(path.clone()).or_insert(Arc::new(picture::read_mask(path)?)),
+            };
+            camera.set_known(mask.clone());
         }
         for view in &input.views {
-            for mask in view.mask.iter().chain(&input.ignored) {
+            for mask in view.mask.iter().chain(&view.ignored) {
                 let (size, expected) = (picture::size(mask)?, (view.camera.width, view.camera.height));
                 if size != expected {
                     let [found, expected] = [size, expected].map(|(w, h)| format!("{w}x{h} pixels"));

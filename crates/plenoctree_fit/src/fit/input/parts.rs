@@ -15,8 +15,6 @@ pub struct FitInput {
     pub points: Vec<DVec3>,
     /// The pictures that the input lists and that are not there. They are left out of `views`.
     pub missing: Vec<PathBuf>,
-    /// The mask that the frames of a `transforms.json` share: what is black in it is not known.
-    pub ignored: Option<PathBuf>,
     /// What else users should know about the input, such as models that are left out: a sentence each, for a warning.
     pub notes: Vec<String>,
 }
@@ -29,4 +27,6 @@ pub struct InputFolders {
     /// A folder of masks: for `name.jpg`, `name.jpg.png`, `name.png` or `name.jpg`, in the same folders below it as the
     /// picture or directly in it. White shows the object, or 1 if there is no brighter pixel.
     pub masks: Option<PathBuf>,
+    /// Masks of lenses: where frames name one of these, what is black in it is not known, even if no other frame does.
+    pub ignored: Vec<PathBuf>,
 }

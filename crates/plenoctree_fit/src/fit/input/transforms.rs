@@ -72,14 +72,15 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
     }
     // nerfstudio writes the same mask to every frame, for parts of a lens or of a rig. Masks of objects differ.
     let mut masks = views.iter().filter_map(|view| view.mask.as_ref());
-    let first = masks.next().cloned();
-    let others = masks.clone().count();
-    let most = others > 0 && 2 * (1 + others) > views.len();
-    let ignored = first.filter(|first| most && masks.all(|mask| mask == first));
-    if let Some(mask) = &ignored {
-        let (sharing, all, mask) = (1 + others, views.len(), mask.display());
-        notes.push(format!("{sharing} of {all} frames have the mask {mask}, so what is black in it is ignored"));
-        views.iter_mut().for_each(|view| view.mask = None);
+    if let Some(first) = masks.next().cloned() {
+        let others = masks.clone().count();
+        let place = |mask: &PathBuf| fs::canonicalize(mask).ok();
+        let is_first = |mask: &PathBuf| *mask == first || place(mask) == place(&first);
+        if masks.all(is_first) && (others > 0 || folders.ignored.iter().any(is_first)) {
+            let (sharing, all, mask) = (1 + others, views.len(), first.display());
+            notes.push(format!("{sharing} of {all} frames have the mask {mask}, so what is black in it is ignored"));
+            views.iter_mut().for_each(|view| view.ignored = view.mask.take());
+        }
     }
     let masked = views.iter().filter(|view| view.mask.is_some()).count();
     if masked > 0 {
@@ -89,7 +90,7 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
              ignores it"
         ));
     }
-    Ok(FitInput { views, points, missing, ignored, notes })
+    Ok(FitInput { views, points, missing, notes })
 }
 
 /// Returns the folder of the file.
@@ -167,9 +168,11 @@ fn view(
     let lens = own.lens(stated.into()).map_err(fault)?.scaled(scale);
     let camera =
         maker.camera(size.0, size.1, lens, DMat3::from_mat4(pose), pose.w_axis.truncate()).map_err(|point| {
-            fault(("k1", format!("a lens without a direction at {point}"), "a lens that covers the picture"))
+            let key =
+                DISTORTION.into_iter().zip(own.distortion()).find(|(_, k)| *k != 0.0).map_or("k1", |(key, _)| key);
+            fault((key, format!("a lens without a direction at {point}"), "a lens that covers the picture"))
         })?;
-    Ok(Listed::View(Box::new(View { name: name.clone(), picture, mask, camera })))
+    Ok(Listed::View(Box::new(View { name: name.clone(), picture, mask, ignored: None, camera })))
 }
 
 /// Finds a picture whose name may lack its extension, or have the separators of another system. If the name is absolute

@@ -161,11 +161,6 @@ impl ViewCamera {
         self.known = Some(Known { mask, downscale: 1 });
     }
 
-    /// Returns whether some pixels are not known.
-    pub(in crate::fit) fn is_masked(&self) -> bool {
-        self.known.is_some()
-    }
-
     /// Returns whether the lens has no direction for some pixels.
     pub(super) fn has_gaps(&self) -> bool {
         self.directions.as_ref().is_some_and(|table| !table.gaps.is_empty())
@@ -241,6 +236,8 @@ pub struct View {
     pub picture: PathBuf,
     /// Path of a mask: white shows the object.
     pub mask: Option<PathBuf>,
+    /// Path of a mask that frames share: what is black in it is not known.
+    pub ignored: Option<PathBuf>,
     /// The camera, for the picture in its full size.
     pub camera: ViewCamera,
 }
