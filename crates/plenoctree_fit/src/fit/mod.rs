@@ -2,6 +2,7 @@
 
 mod checkpoint;
 mod error;
+mod find;
 mod grid;
 mod input;
 mod measure;

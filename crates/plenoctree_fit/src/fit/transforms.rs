@@ -10,7 +10,7 @@ use glam::{DMat3, DMat4, DVec2, DVec4};
 use plenoctree::camera::PinholeCamera;
 use serde_json::Value;
 
-use super::{error::FitError, input::find};
+use super::{error::FitError, find};
 use crate::file::without_mark;
 
 /// A key of the file, what was found there, and what was expected.
@@ -355,7 +355,7 @@ impl Transforms {
             })
             .collect();
         let folder = path.parent().unwrap_or(Path::new(""));
-        let at = |name: &String| find(folder, name, false).unwrap_or_else(|| folder.join(name));
+        let at = |name: &String| find::picture(folder, name, false).unwrap_or_else(|| folder.join(name));
         Ok(Self {
             cameras: cameras?,
             pictures: file.frames.iter().flat_map(|frame| frame.name.iter().chain(&frame.mask_path)).map(at).collect(),

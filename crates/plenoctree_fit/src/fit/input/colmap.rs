@@ -14,12 +14,11 @@ use super::{
     lens::{Distortion, Lens},
     parts::{FitInput, InputFolders},
     picture,
-    transforms::find,
     view::{CameraMaker, View},
 };
 use crate::{
     file::{Bytes, Fault},
-    fit::error::FitError,
+    fit::{error::FitError, find},
 };
 
 /// Camera models by their number: the name, and the number of parameters.
@@ -96,7 +95,7 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
     let pictures = pictures(folder, folders, &images)?;
     let (mut found, mut missing) = (Vec::new(), Vec::new());
     for image in images {
-        match find(&pictures, &image.name, folders.pictures.is_some()) {
+        match find::picture(&pictures, &image.name, folders.pictures.is_some()) {
             Some(path) => found.push((image, path)),
             None => missing.push(pictures.join(image.name)),
         }
@@ -174,7 +173,7 @@ fn pictures(folder: &Path, folders: &InputFolders, images: &[Image]) -> Result<P
     let absolute = fs::canonicalize(folder).map_err(FitError::io(folder))?;
     let mut best: (usize, Option<PathBuf>) = (0, None);
     for pictures in absolute.ancestors().take(4).flat_map(|above| [above.join("images"), above.into()]) {
-        let found = images.iter().filter(|image| find(&pictures, &image.name, false).is_some()).count();
+        let found = images.iter().filter(|image| find::picture(&pictures, &image.name, false).is_some()).count();
         if found > best.0 {
             best = (found, Some(pictures));
         }

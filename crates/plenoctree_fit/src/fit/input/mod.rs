@@ -19,7 +19,6 @@ use super::error::FitError;
 pub use lens::{Distortion, Lens};
 pub use parts::{FitInput, InputFolders};
 pub use picture::Picture;
-pub(super) use transforms::find;
 pub(super) use view::CameraMaker;
 pub use view::{View, ViewCamera};
 

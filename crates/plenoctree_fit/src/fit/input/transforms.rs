@@ -17,12 +17,10 @@ use crate::{
     file::{Fault, ply::Ply},
     fit::{
         error::FitError,
+        find,
         transforms::{Camera, DISTORTION, File, WrongValue},
     },
 };
-
-/// Extensions that the file names of pictures may lack, as in NeRF-synthetic.
-const ENDINGS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
 
 /// Reads a file of cameras, and the sizes of their pictures.
 pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
@@ -65,7 +63,7 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
         notes.push(picture::scaled_note(size, stated));
     }
     if let Some(name) = &file.ply_file_path {
-        match find(own_folder(path), name, false) {
+        match find::picture(own_folder(path), name, false) {
             Some(cloud) => points = points_of(&cloud)?,
             None => notes.push(format!("ply_file_path: no file {name}, so the points of the scene are not known")),
         }
@@ -138,12 +136,12 @@ fn view(
         FitError::found(path, format!("frames[{index}].file_path"), "nothing", "the path of a picture")
     })?;
     let moved = folders.pictures.is_some();
-    let Some(picture) = find(folder, name, moved) else { return Ok(Listed::Missing(folder.join(name))) };
+    let Some(picture) = find::picture(folder, name, moved) else { return Ok(Listed::Missing(folder.join(name))) };
     // Masks of a folder replace those that the file names.
     let mask = match frame.mask_path.as_ref().filter(|_| folders.masks.is_none()) {
         Some(name) => Some(
-            find(own, name, false)
-                .or_else(|| find(folder, name, moved))
+            find::picture(own, name, false)
+                .or_else(|| find::picture(folder, name, moved))
                 .ok_or_else(|| fault(("mask_path", format!("no file {}", own.join(name).display()), "a picture")))?,
         ),
         None => None,
@@ -173,22 +171,6 @@ fn view(
             fault((key, format!("a lens without a direction at {point}"), "a lens that covers the picture"))
         })?;
     Ok(Listed::View(Box::new(View { name: name.clone(), picture, mask, ignored: None, camera })))
-}
-
-/// Finds a picture whose name may lack its extension, or have the separators of another system. If the name is absolute
-/// or the pictures are `moved`, they may also be in a part of the named folders.
-pub fn find(folder: &Path, name: &str, moved: bool) -> Option<PathBuf> {
-    let with_ending = |path: PathBuf| {
-        let mut others = ENDINGS.iter().map(|ending| path.with_added_extension(ending));
-        if path.is_file() { Some(path.clone()) } else { others.find(|path| path.is_file()) }
-    };
-    let name = if folder.join(name).exists() { name.into() } else { name.replace('\\', "/") };
-    let windows = name.as_bytes().get(1) == Some(&b':');
-    with_ending(folder.join(&name)).or_else(|| {
-        let parts: Vec<&str> = name.split('/').collect();
-        let fewest = if moved || windows || name.starts_with('/') { parts.len() } else { 0 };
-        (1..fewest).find_map(|first| with_ending(folder.join(parts[first..].join("/"))))
-    })
 }
 
 impl Camera {
