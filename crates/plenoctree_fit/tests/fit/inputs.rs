@@ -422,7 +422,7 @@ fn missing_pictures_are_left_out() {
 #[test]
 fn masks_that_frames_share_are_ignored() {
     let cameras = cameras(4);
-    let folder = folder("shared");
+    let folder = folder("lens_masks");
     write_pictures(&folder, &cameras, None, |_| 1.0);
     write_transforms(&folder, &cameras);
     let text = fs::read_to_string(folder.join("transforms.json")).unwrap();
@@ -441,7 +441,7 @@ fn masks_that_frames_share_are_ignored() {
     };
     let folders = InputFolders::default();
     assert_eq!(read(["same.png"; 4], &folders), [4, 0]);
-    assert_eq!(read(["same.png", "same.png", "../shared/./same.png", ""], &folders), [3, 0]);
+    assert_eq!(read(["same.png", "same.png", "../lens_masks/./same.png", ""], &folders), [3, 0]);
     assert_eq!(read(["same.png", "same.png", "same.png", "other.png"], &folders), [0, 4]);
     assert_eq!(read(["same.png", "", "", ""], &folders), [0, 1]);
     let known = InputFolders { ignored: vec![folder.join("./same.png")], ..folders.clone() };
