@@ -132,21 +132,21 @@ impl PaletteEditor<'_, '_> {
 
     /// Lets the overrides of all props and posterized views of a field follow the new name of a ramp.
     fn rename_in_overrides(&mut self, field: AssetId<PlenOctree>, old: &str, new: &str) {
+        let rename = |mut own: Mut<PaletteOverride>| {
+            if own.bypass_change_detection().rename_ramp(old, new) {
+                own.set_changed();
+            }
+        };
         for (prop, .., stashed, own) in &mut self.props {
             if let Some(mut stashed) = stashed.filter(|stashed| stashed.1 == field) {
                 stashed.0.rename_ramp(old, new);
             }
-            if let Some(mut own) = own.filter(|_| prop.0.id() == field)
-                && own.bypass_change_detection().rename_ramp(old, new)
-            {
-                own.set_changed();
+            if let Some(own) = own.filter(|_| prop.0.id() == field) {
+                rename(own);
             }
         }
-        for (view, mut own) in &mut self.views {
-            if view.0.id() == field && own.bypass_change_detection().rename_ramp(old, new) {
-                own.set_changed();
-            }
-        }
+        let views = self.views.iter_mut().filter(|(view, _)| view.0.id() == field);
+        views.for_each(|(_, own)| rename(own));
     }
 }
 

@@ -266,8 +266,7 @@ fn with_pipelines(plan: &Plan, last: &Plan, pipelines: &mut Pipelines, cache: &P
         if ready.iter().any(Option::is_none) {
             lack.is_any = true;
             if pass.may_leave_out_props() {
-                let drawn = last.props.iter().filter(|prop| !prop.is_left_out);
-                let drawn: EntityHashSet = drawn.map(|prop| prop.entity).collect();
+                let drawn: EntityHashSet = last.drawn_props().map(|prop| prop.entity).collect();
                 // The others only find out what hides props.
                 let draws_props = matches!(pass.writes[..], [Slot::Color(_), ..]);
                 pass.draws.retain(|draw| {

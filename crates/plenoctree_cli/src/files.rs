@@ -70,7 +70,10 @@ pub fn check_outputs(outputs: &[&Path], inputs: &[&Path]) -> Result {
         }
         create_folder(folder_of(output))?;
         // Where a link leads is written to.
-        fs::canonicalize(output).map_or(Ok(()), |file| create_folder(folder_of(&file)))?;
+        let target = plenoctree::follow_links(output).unwrap_or_else(|_| output.into());
+        if folder_of(&target).is_dir() {
+            create_folder(folder_of(&target))?;
+        }
         check_writable(output).map_err(|error| format!("{name}: cannot be written: {error}"))?;
     }
     Ok(())

@@ -223,8 +223,7 @@ impl<'a> Frame<'a> {
 
     /// Returns the props that can be drawn, back to front. In a view that is held, only those of the last frame are.
     fn seen(&self) -> Vec<VisibleProp<'a>> {
-        let last = self.known.last.props.iter().filter(|prop| !prop.is_left_out);
-        let last = last.map(|prop| (prop.entity, prop)).collect();
+        let last = self.known.last.drawn_props().map(|prop| (prop.entity, prop)).collect();
         self.known.visible.order.iter().filter_map(|ordered| self.see(ordered, &last)).collect()
     }
 

@@ -164,6 +164,11 @@ pub(in crate::render) enum Feature {
 }
 
 impl Plan {
+    /// Returns the props that are not left out.
+    pub fn drawn_props(&self) -> impl Iterator<Item = &PlannedProp> {
+        self.props.iter().filter(|prop| !prop.is_left_out)
+    }
+
     /// Returns the corner of the drawn part in the target.
     pub fn corner(&self) -> UVec2 {
         self.viewport.physical_position + self.rect.low

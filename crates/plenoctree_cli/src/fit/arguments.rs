@@ -1,6 +1,9 @@
 //! The arguments of `fit`.
 
-use std::{path::PathBuf, time::Duration};
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use clap::Args;
 use glam::DVec3;
@@ -111,6 +114,11 @@ impl Arguments {
             resume: self.resume,
             ..FitSettings::default()
         }
+    }
+
+    /// Returns the inputs that must exist.
+    pub fn inputs(&self) -> Vec<&Path> {
+        [&self.input].into_iter().chain(&self.test).chain(&self.masks).map(PathBuf::as_path).collect()
     }
 
     /// Returns the folders of the input.

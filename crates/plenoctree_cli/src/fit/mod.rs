@@ -55,9 +55,7 @@ fn read_test(path: &Path, fitted: &FitInput, masks: Option<PathBuf>) -> Result<F
 pub fn run(arguments: &Arguments) -> Result {
     capture::refuse(&arguments.input)?;
     let folders = arguments.folders();
-    let inputs = [&arguments.input].into_iter().chain(&arguments.test).chain(&arguments.masks);
-    let inputs: Vec<&Path> = inputs.map(PathBuf::as_path).collect();
-    output::check(&arguments.out, &inputs, &arguments.extraction)?;
+    output::check(&arguments.out, &arguments.inputs(), &arguments.extraction)?;
     use_threads(arguments.threads)?;
     let interruption = Interruption::new(output::cleaning_up(&arguments.out))?;
     let mut settings = arguments.settings();
@@ -76,7 +74,8 @@ pub fn run(arguments: &Arguments) -> Result {
     warn_of_input(&arguments.input, &input);
     let test = arguments.test.as_deref().map(|path| read_test(path, &input, folders.masks)).transpose()?;
     let views = input.views.iter().chain(test.iter().flat_map(|test| &test.views));
-    output::check_outside_previews(&arguments.out, views.flat_map(files_of))?;
+    output::check_outside_previews(&arguments.out, views.clone().flat_map(files_of))?;
+    let compared = compared(views, arguments, settings.downscale);
     if let (Some(path), Some(test)) = (&arguments.test, &test) {
         warn_of_input(path, test);
     }
@@ -88,8 +87,6 @@ pub fn run(arguments: &Arguments) -> Result {
         }
     };
     let fitted = input.views.len() - if test.is_none() { held_out.len() } else { 0 };
-    let inputs: Vec<&FitInput> = [&input].into_iter().chain(&test).collect();
-    let compared = compared(&inputs, arguments, settings.downscale);
     let earlier = if settings.resume { Quality::earlier(&arguments.out, &held_out, fitted, &compared)? } else { None };
     let Fitted { field, previews, report } =
         interruption.watched(&arguments.input, move |progress| fit(&input, test.as_ref(), &settings, progress))?;
@@ -130,7 +127,7 @@ fn files_of(view: &View) -> impl Iterator<Item = &Path> {
 
 /// Describes the pictures that the field is compared with. A field matches small pictures more easily than large ones,
 /// so that the quality of two fits compares only where these are the same.
-fn compared(inputs: &[&FitInput], arguments: &Arguments, downscale: u32) -> Value {
+fn compared<'a>(views: impl Iterator<Item = &'a View> + Clone, arguments: &Arguments, downscale: u32) -> Value {
     let size = |view: &View| [view.camera.width, view.camera.height].map(|side| (side / downscale).max(1));
     let whole = |path: &Path| fs::canonicalize(path).unwrap_or_else(|_| path.into());
     // All of the input may move together.
@@ -140,13 +137,12 @@ fn compared(inputs: &[&FitInput], arguments: &Arguments, downscale: u32) -> Valu
         let path = whole(path);
         path.strip_prefix(folder).unwrap_or(&path).to_string_lossy().into_owned()
     };
-    let views = || inputs.iter().flat_map(|input| &input.views);
-    let own_masks = views().filter_map(|view| view.mask.as_deref().filter(|_| arguments.masks.is_none()));
+    let own_masks = views.clone().filter_map(|view| view.mask.as_deref().filter(|_| arguments.masks.is_none()));
     json!({
-        "sizes": views().map(size).collect::<BTreeSet<_>>(),
+        "sizes": views.clone().map(size).collect::<BTreeSet<_>>(),
         "masks": arguments.masks.as_deref().map(place),
         "own_masks": own_masks.map(place).collect::<BTreeSet<_>>(),
-        "ignored": views().filter_map(|view| view.ignored.as_deref()).map(place).collect::<BTreeSet<_>>(),
+        "ignored": views.filter_map(|view| view.ignored.as_deref()).map(place).collect::<BTreeSet<_>>(),
         "background": arguments.background.map(hex::format),
     })
 }
@@ -189,8 +185,7 @@ fn model_pictures(arguments: &Arguments) -> Result<Option<(PathBuf, u32)>> {
         return Err(format!("{input}: --pictures is for photographs, but a model is rendered").into());
     }
     let folder = arguments.out.with_extension("pictures");
-    let inputs = [&arguments.input].into_iter().chain(&arguments.test).chain(&arguments.masks);
-    files::check_outside(&folder, inputs.map(PathBuf::as_path))?;
+    files::check_outside(&folder, arguments.inputs())?;
     if let Some(test) = &arguments.test {
         let test = FitInput::read(test, &InputFolders::default())?;
         files::check_outside(&folder, test.views.iter().flat_map(files_of))?;

@@ -20,3 +20,8 @@ pub fn picture(folder: &Path, name: &str, moved: bool) -> Option<PathBuf> {
         (1..fewest).find_map(|first| with_ending(folder.join(parts[first..].join("/"))))
     })
 }
+
+/// Returns the folder of a file.
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}

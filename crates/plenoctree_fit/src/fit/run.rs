@@ -2,8 +2,10 @@
 
 use std::{
     cell::Cell,
+    collections::HashMap,
     fs,
     hash::{DefaultHasher, Hash, Hasher},
+    path::PathBuf,
     sync::Arc,
     time::{Duration, Instant},
 };
@@ -290,11 +292,20 @@ impl Training<'_> {
 /// Returns a hash of the input and the settings: fits that differ in it cannot resume from each other's checkpoints.
 fn key(input: &FitInput, settings: &FitSettings) -> u64 {
     let mut hasher = DefaultHasher::new();
+    let mut masks = HashMap::new();
+    let mut content = |mask: &Option<PathBuf>| {
+        let mask = mask.as_ref()?;
+        Some(*masks.entry(mask.clone()).or_insert_with(|| {
+            let mut hasher = DefaultHasher::new();
+            fs::read(mask).ok().hash(&mut hasher);
+            hasher.finish()
+        }))
+    };
     for view in &input.views {
         // Folders may move, so paths do not count.
         let View { name, mask, ignored, camera, .. } = view;
         let ViewCamera { width, height, lens, rotation, position, .. } = camera;
-        [mask, ignored].map(|mask| mask.as_ref().map(|mask| fs::read(mask).ok())).hash(&mut hasher);
+        [mask, ignored].map(&mut content).hash(&mut hasher);
         format!("{name:?} {width} {height} {lens:?} {rotation:?} {position:?}").hash(&mut hasher);
     }
     input.points.iter().for_each(|point| point.to_array().map(f64::to_bits).hash(&mut hasher));
@@ -389,7 +400,6 @@ fn measure(
 
 #[cfg(test)]
 mod tests {
-
     use super::*;
     use crate::fit::input::Distortion;
 

@@ -8,10 +8,11 @@ use std::{
 
 use glam::{DMat3, DMat4, DVec2, DVec4};
 use plenoctree::camera::PinholeCamera;
+use serde::Deserialize;
 use serde_json::Value;
 
 use super::{error::FitError, find};
-use crate::file::without_mark;
+use crate::file::{printable, without_mark};
 
 /// A key of the file, what was found there, and what was expected.
 pub(crate) type WrongValue = (&'static str, String, &'static str);
@@ -234,7 +235,7 @@ impl Frame {
         let wrong = |found| Err((KEY, found, "a 4x4 camera-to-world matrix, row by row, a rotation and a translation"));
         let entry = &self.entry[KEY];
         let rows = entry.as_array().map_or(&[][..], Vec::as_slice);
-        let row = |row: &Value| Some(DVec4::from_array(serde_json::from_value(row.clone()).ok()?));
+        let row = |row: &Value| Some(DVec4::from_array(Deserialize::deserialize(row).ok()?));
         let rows: Vec<Option<DVec4>> = rows.iter().map(row).collect();
         let (Some(x), Some(y), Some(z), last) = (match rows[..] {
             [x, y, z] => (x, y, z, Some(DVec4::W)),
@@ -286,13 +287,7 @@ fn text(entry: &Value, key: &'static str) -> Result<Option<String>, WrongValue> 
 
 /// Returns a value as it is written, or its beginning.
 fn described(value: &Value) -> String {
-    const LONGEST: usize = 80;
-    let text = value.to_string();
-    match text.char_indices().nth(LONGEST) {
-        Some((end, _)) => format!("{}...", &text[..end]),
-        None if value.is_null() => "nothing".into(),
-        None => text,
-    }
+    if value.is_null() { "nothing".into() } else { printable(&value.to_string()) }
 }
 
 /// What a `transforms.json` file says of its pictures.
@@ -354,7 +349,7 @@ impl Transforms {
                 camera.map_err(|wrong| file.fault(path, index, wrong))
             })
             .collect();
-        let folder = path.parent().unwrap_or(Path::new(""));
+        let folder = find::folder_of(path);
         let at = |name: &String| find::picture(folder, name, false).unwrap_or_else(|| folder.join(name));
         Ok(Self {
             cameras: cameras?,

@@ -5,7 +5,10 @@ use std::fs;
 use glam::{DVec2, DVec3};
 use plenoctree_fit::{Distortion, FitInput, FitProgress, FitSettings, InputFolders, Picture, View, fit};
 
-use crate::scene::{SIZE, cameras, folder, write_colmap_binary, write_colmap_text, write_pictures, write_transforms};
+use crate::{
+    photographed,
+    scene::{SIZE, cameras, folder, write_colmap_binary, write_colmap_text, write_pictures, write_transforms},
+};
 
 fn read(path: &std::path::Path) -> Result<FitInput, String> {
     FitInput::read(path, &InputFolders::default()).map_err(|error| error.to_string())
@@ -402,10 +405,7 @@ fn points_of_nerfstudio_are_read() {
 /// Pictures that are listed and not there are left out, and named, as long as there are others.
 #[test]
 fn missing_pictures_are_left_out() {
-    let cameras = cameras(4);
-    let folder = folder("missing");
-    write_pictures(&folder, &cameras, None, |_| 1.0);
-    write_transforms(&folder, &cameras);
+    let folder = photographed("missing", 4);
     let whole = read(&folder).unwrap();
     assert!(whole.missing.is_empty());
     fs::remove_file(folder.join("v_1.png")).unwrap();
@@ -421,10 +421,7 @@ fn missing_pictures_are_left_out() {
 /// ones are those of objects.
 #[test]
 fn masks_that_frames_share_are_ignored() {
-    let cameras = cameras(4);
-    let folder = folder("lens_masks");
-    write_pictures(&folder, &cameras, None, |_| 1.0);
-    write_transforms(&folder, &cameras);
+    let folder = photographed("lens_masks", 4);
     let text = fs::read_to_string(folder.join("transforms.json")).unwrap();
     for name in ["same.png", "other.png"] {
         image::GrayImage::from_pixel(40, 40, image::Luma([255])).save(folder.join(name)).unwrap();

@@ -70,14 +70,6 @@ pub fn read(folder: &Path, folders: &InputFolders) -> Result<FitInput, FitError>
         let lines = Lines::open(cameras_file.clone())?;
         (cameras_of_text(lines)?, images_of_text(Lines::open(images_file.clone())?)?)
     };
-    let (mut by_number, mut twice) = (BTreeMap::new(), None);
-    for (number, camera) in cameras {
-        twice = twice.or(by_number.insert(number, camera).map(|_| number));
-    }
-    let cameras = by_number;
-    if let Some(number) = twice {
-        return Err(FitError::found(&cameras_file, format!("camera {number}"), "two of this number", "one"));
-    }
     let (binary, text) = (folder.join("points3D.bin"), folder.join("points3D.txt"));
     let points = if binary.exists() {
         open(&binary, points_of)?
@@ -239,9 +231,17 @@ fn vector(file: &mut Bytes, what: &str) -> Result<DVec3, Fault> {
     Ok(DVec3::new(file.f64(what)?, file.f64(what)?, file.f64(what)?))
 }
 
-fn cameras_of(file: &mut Bytes) -> Result<Vec<(u64, Camera)>, Fault> {
+/// Adds a camera, unless there is one of its number.
+fn add(cameras: &mut BTreeMap<u64, Camera>, number: u64, camera: Camera) -> Result<(), Fault> {
+    match cameras.insert(number, camera) {
+        Some(_) => Err(Fault::found(format!("camera {number}"), "two of this number", "one")),
+        None => Ok(()),
+    }
+}
+
+fn cameras_of(file: &mut Bytes) -> Result<BTreeMap<u64, Camera>, Fault> {
     const WHAT: &str = "cameras";
-    let mut cameras = Vec::new();
+    let mut cameras = BTreeMap::new();
     for _ in 0..file.u64(WHAT)? {
         let (id, model) = (file.u32(WHAT)?.into(), file.u32(WHAT)?);
         let (width, height) = (file.u64(WHAT)?, file.u64(WHAT)?);
@@ -250,7 +250,7 @@ fn cameras_of(file: &mut Bytes) -> Result<Vec<(u64, Camera)>, Fault> {
             return Err(Fault::found(format!("camera {id}"), format!("model {model}"), expected));
         };
         let parameters = (0..*count).map(|_| file.f64(WHAT)).collect::<Result<Vec<_>, _>>()?;
-        cameras.push((id, Camera { width, height, lens: lens(id, name, &parameters) }));
+        add(&mut cameras, id, Camera { width, height, lens: lens(id, name, &parameters) })?;
     }
     Ok(cameras)
 }
@@ -293,14 +293,13 @@ struct Lines {
 impl Lines {
     fn open(path: PathBuf) -> Result<Self, FitError> {
         let text = fs::read_to_string(&path).map_err(FitError::io(&path))?;
-        // The mark that some editors write.
-        let text = text.strip_prefix('\u{feff}').map(String::from).unwrap_or(text);
         Ok(Self { path, text })
     }
 
     /// Returns the numbers and the words of each line. Numbers count from 1.
     fn entries(&self) -> impl Iterator<Item = (usize, Vec<&str>)> {
-        let lines = (1..).zip(self.text.lines());
+        // Some editors write a byte order mark.
+        let lines = (1..).zip(self.text.trim_start_matches('\u{feff}').lines());
         lines
             .filter(|(_, line)| !line.trim_start().starts_with('#'))
             .map(|(number, line)| (number, line.split_whitespace().collect()))
@@ -315,13 +314,14 @@ impl Lines {
     }
 }
 
-fn cameras_of_text(file: Lines) -> Result<Vec<(u64, Camera)>, FitError> {
-    let mut cameras = Vec::new();
+fn cameras_of_text(file: Lines) -> Result<BTreeMap<u64, Camera>, FitError> {
+    let mut cameras = BTreeMap::new();
     for line in file.entries().filter(|(_, words)| !words.is_empty()) {
         let id = file.value(&line, 0)?;
         let (width, height) = (file.value(&line, 2)?, file.value(&line, 3)?);
         let parameters = (4..line.1.len()).map(|index| file.value(&line, index)).collect::<Result<Vec<_>, _>>()?;
-        cameras.push((id, Camera { width, height, lens: lens(id, line.1[1], &parameters) }));
+        let camera = Camera { width, height, lens: lens(id, line.1[1], &parameters) };
+        add(&mut cameras, id, camera).map_err(FitError::fault(&file.path))?;
     }
     Ok(cameras)
 }

@@ -4,9 +4,6 @@ use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
 
-/// The steps in which the angle of a fisheye is searched for.
-const FISHEYE_STEPS: i32 = 256;
-
 /// The distortion of a lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Distortion {
@@ -77,20 +74,8 @@ impl Lens {
                 if radius < 1e-12 {
                     return Some(DVec3::Z);
                 }
-                let mut low = 0.0;
-                let mut high =
-                    (1..=FISHEYE_STEPS).map(|step| PI * f64::from(step) / f64::from(FISHEYE_STEPS)).find(|high| {
-                        let (before, reached) = (fisheye(k, low), fisheye(k, *high));
-                        let is_last = reached >= radius || reached <= before;
-                        low = if is_last { low } else { *high };
-                        is_last
-                    })?;
-                for _ in 0..60 {
-                    let middle = 0.5 * (low + high);
-                    *(if fisheye(k, middle) < radius { &mut low } else { &mut high }) = middle;
-                }
-                let found = (fisheye(k, high) - radius).abs() < 1e-9;
-                found.then(|| (bent * (high.sin() / radius)).extend(high.cos()))
+                let angle = angle_of(k, radius)?;
+                Some((bent * (angle.sin() / radius)).extend(angle.cos()))
             }
         }
     }
@@ -121,33 +106,58 @@ fn fisheye([k1, k2, k3, k4]: [f64; 4], angle: f64) -> f64 {
     angle * (1.0 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4))))
 }
 
+/// Finds the angle that [`fisheye`] maps to `radius`, by bisection up to where the radius rises no further. Returns `None`
+/// if there is none.
+fn angle_of(k: [f64; 4], radius: f64) -> Option<f64> {
+    const STEPS: i32 = 256;
+    let (mut low, mut high) = (0.0, 0.0);
+    for step in 1..=STEPS {
+        high = PI * f64::from(step) / f64::from(STEPS);
+        let reached = fisheye(k, high);
+        if reached >= radius || reached <= fisheye(k, low) {
+            break;
+        }
+        low = high;
+    }
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if fisheye(k, middle) < radius {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    ((fisheye(k, high) - radius).abs() < 1e-9).then_some(high)
+}
+
 /// Finds the point that `bend` maps to `bent`. Returns `None` if there is none, or if the picture folds over between the
 /// center and that point: beyond a fold, the polynomials say nothing about the lens.
 fn solve(bent: DVec2, bend: impl Fn(DVec2) -> DVec2) -> Option<DVec2> {
     /// The way from the center if the shortcut leads beyond a fold.
     const STEPS: i32 = 64;
-    let in_steps = || {
-        (1..=STEPS).try_fold(DVec2::ZERO, |at, step| solve_from(at, f64::from(step) / f64::from(STEPS) * bent, &bend))
+    /// The parts of the way at which a fold would show.
+    const PARTS: i32 = 16;
+    let is_unfolded = |at: &DVec2| {
+        let mut parts = (1..=PARTS).map(|part| f64::from(part) / f64::from(PARTS));
+        at.dot(bent) >= 0.0 && parts.all(|part| determinant(slopes(part * *at, &bend)) > 0.0)
     };
-    solve_from(bent, bent, &bend).or_else(in_steps)
+    let in_steps = || {
+        let mut steps = (1..=STEPS).map(|step| f64::from(step) / f64::from(STEPS));
+        steps.try_fold(DVec2::ZERO, |at, step| newton(at, step * bent, &bend))
+    };
+    newton(bent, bent, &bend).filter(is_unfolded).or_else(|| in_steps().filter(is_unfolded))
 }
 
-/// Does the same by Newton's method, starting from `at`.
-fn solve_from(mut at: DVec2, bent: DVec2, bend: impl Fn(DVec2) -> DVec2) -> Option<DVec2> {
-    const STEP: f64 = 1e-6;
-    let slopes =
-        |at: DVec2| [DVec2::X, DVec2::Y].map(|axis| (bend(at + STEP * axis) - bend(at - STEP * axis)) / (2.0 * STEP));
+/// Finds a point that `bend` maps to `bent`, by Newton's method, starting from `at`. Returns `None` if it does not
+/// converge.
+fn newton(mut at: DVec2, bent: DVec2, bend: impl Fn(DVec2) -> DVec2) -> Option<DVec2> {
     for _ in 0..50 {
         let error = bend(at) - bent;
-        let [across, down] = slopes(at);
-        let determinant = across.perp_dot(down);
         if error.length_squared() < 1e-20 {
-            let unfolded = |part: f64| {
-                let [across, down] = slopes(part * at);
-                across.perp_dot(down) > 0.0
-            };
-            return (at.dot(bent) >= 0.0 && on_the_way(unfolded)).then_some(at);
+            return Some(at);
         }
+        let [across, down] = slopes(at, &bend);
+        let determinant = determinant([across, down]);
         if determinant.abs() < 1e-9 {
             return None;
         }
@@ -156,10 +166,14 @@ fn solve_from(mut at: DVec2, bent: DVec2, bend: impl Fn(DVec2) -> DVec2) -> Opti
     None
 }
 
-/// Returns whether something holds at each of several parts of the way, up to all of it.
-fn on_the_way(holds: impl Fn(f64) -> bool) -> bool {
-    const PARTS: i32 = 16;
-    (1..=PARTS).all(|part| holds(f64::from(part) / f64::from(PARTS)))
+/// Returns the derivatives of `bend` along x and y.
+fn slopes(at: DVec2, bend: impl Fn(DVec2) -> DVec2) -> [DVec2; 2] {
+    const STEP: f64 = 1e-6;
+    [DVec2::X, DVec2::Y].map(|axis| (bend(at + STEP * axis) - bend(at - STEP * axis)) / (2.0 * STEP))
+}
+
+fn determinant([across, down]: [DVec2; 2]) -> f64 {
+    across.perp_dot(down)
 }
 
 #[cfg(test)]

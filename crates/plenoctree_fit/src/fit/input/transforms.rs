@@ -63,7 +63,7 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
         notes.push(picture::scaled_note(size, stated));
     }
     if let Some(name) = &file.ply_file_path {
-        match find::picture(own_folder(path), name, false) {
+        match find::picture(find::folder_of(path), name, false) {
             Some(cloud) => points = points_of(&cloud)?,
             None => notes.push(format!("ply_file_path: no file {name}, so the points of the scene are not known")),
         }
@@ -89,11 +89,6 @@ pub fn read(path: &Path, folders: &InputFolders) -> Result<FitInput, FitError> {
         ));
     }
     Ok(FitInput { views, points, missing, notes })
-}
-
-/// Returns the folder of the file.
-fn own_folder(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// Reads the points of a `.ply` file. Those that are not finite are left out.
@@ -128,7 +123,7 @@ fn view(
     file: &File,
     maker: &mut CameraMaker,
 ) -> Result<Listed, FitError> {
-    let own = own_folder(path);
+    let own = find::folder_of(path);
     let folder = folders.pictures.as_deref().unwrap_or(own);
     let frame = &file.frames[index];
     let fault = |wrong| file.fault(path, index, wrong);
