@@ -12,7 +12,7 @@ use serde_json::json;
 
 use crate::{console, files, result::Result};
 
-/// The name of the file that [`write`] writes.
+/// The name of the file that [`write()`] writes.
 pub const FILE: &str = "transforms.json";
 
 /// Reads cameras, for images of this size if it is given. Warns, once, of lenses that distort: views do not.
