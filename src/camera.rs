@@ -1,6 +1,6 @@
 //! Components for cameras: where in the frame props are drawn, and whether the whole view is posterized.
 
-use bevy::{ecs::VariantDefaults, prelude::*, shader::Shader};
+use bevy::{asset::AsAssetId, ecs::VariantDefaults, prelude::*, shader::Shader};
 
 use plenoctree::PlenOctree;
 
@@ -70,11 +70,25 @@ pub enum PropPlacement {
 /// # app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin)).add_systems(Update, spawn_camera);
 /// # app.update();
 /// ```
-#[derive(Component, Clone, Debug, FromTemplate, Reflect)]
-#[reflect(Component, Clone, Debug)]
+#[derive(Component, Clone, Debug, PartialEq, Eq, FromTemplate, Reflect)]
+#[reflect(Component, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 #[require(Posterize)]
 pub struct PosterizeView(pub Handle<PlenOctree>);
+
+impl From<Handle<PlenOctree>> for PosterizeView {
+    fn from(field: Handle<PlenOctree>) -> Self {
+        Self(field)
+    }
+}
+
+impl AsAssetId for PosterizeView {
+    type Asset = PlenOctree;
+
+    fn as_asset_id(&self) -> AssetId<PlenOctree> {
+        self.0.id()
+    }
+}
 
 /// Custom render stages between the labels and the screen: fragment shaders that change what is shown.
 ///

@@ -29,6 +29,7 @@ use crate::background::{self, on_cores};
 /// kind of file, such as glTF, to a field. Loading is unchanged: the paths of the source file and of the palette next
 /// to it stay the same.
 #[derive(Default, TypePath)]
+#[type_path = "bevy_plenoctree"]
 pub struct PackSaver;
 
 impl AssetSaver for PackSaver {

@@ -33,7 +33,7 @@ pub use report::{FieldFailed, FieldReady, ViewFailed, ViewTooLarge};
 pub(crate) use report::{FieldReports, GpuStatus, Report};
 pub(crate) use shaders::{Shaders, field_definitions};
 pub use upload::FieldTooLarge;
-pub(crate) use upload::GpuLevel;
+pub(crate) use upload::{GpuLevel, field_bytes};
 
 use bevy::{
     prelude::*,

@@ -174,7 +174,7 @@ impl Drop for LevelData {
 }
 
 /// Returns the size of a field in main memory, in bytes.
-pub(super) fn field_bytes(field: &PlenOctree) -> u64 {
+pub(crate) fn field_bytes(field: &PlenOctree) -> u64 {
     let coefficients = match field.codebook() {
         None => 2 * field.basis().coefficients() * field.leaves(),
         Some(Codebook { colors, rows, luma, chroma, .. }) => {

@@ -7,11 +7,12 @@ use std::{
 };
 
 use bevy::{
-    platform::time::Instant,
+    platform::{hash::FixedHasher, time::Instant},
     prelude::*,
     render::renderer::RenderAdapterInfo,
     tasks::{Task, block_on, poll_once},
 };
+use indexmap::IndexMap;
 use plenoctree::{
     PlenOctree,
     palette::{Extraction, ExtractionError, ExtractionSettings, extract_from_samples, extract_with},
@@ -21,7 +22,7 @@ use wgpu::DeviceType;
 
 use super::{
     posterized::Posterized,
-    ready::PaletteFailed,
+    ready::{PaletteFailed, PaletteReady},
     resource::{FieldPalette, Palettes},
     samples::{ExtractionSamples, SampleOrigin},
 };
@@ -41,7 +42,8 @@ pub enum PaletteSampler {
     /// Uses the GPU, or the CPU if the GPU is emulated in software, on the same CPU cores. This is the default.
     #[default]
     Auto,
-    /// Uses compute shaders in the render world. Falls back to the CPU if they cannot sample the field.
+    /// Uses compute shaders in the render world. Falls back to the CPU if they cannot sample the field. Fields whose files
+    /// [record](SampleOrigin::Recorded) their samples are not sampled.
     Gpu,
     /// Uses all CPU cores but one, in the background.
     Cpu,
@@ -85,8 +87,9 @@ pub struct PaletteExtraction {
     ///
     /// Defaults to 4 ms.
     pub budget: Option<Duration>,
+    /// What is to be extracted, in this order.
     #[reflect(ignore)]
-    requested: HashMap<AssetId<PlenOctree>, Purpose>,
+    requested: IndexMap<AssetId<PlenOctree>, Request, FixedHasher>,
     #[reflect(ignore)]
     running: HashMap<AssetId<PlenOctree>, Running>,
     #[reflect(ignore)]
@@ -102,12 +105,19 @@ impl Default for PaletteExtraction {
             automatic: true,
             sampler: PaletteSampler::default(),
             budget: Some(Duration::from_millis(4)),
-            requested: HashMap::new(),
+            requested: IndexMap::default(),
             running: HashMap::new(),
             failed: HashMap::new(),
             sampled: HashMap::new(),
         }
     }
+}
+
+#[derive(Clone, Copy)]
+struct Request {
+    purpose: Purpose,
+    /// Whether it was made in an earlier frame.
+    is_waiting: bool,
 }
 
 /// What an extraction is for, which decides what it may replace.
@@ -124,10 +134,9 @@ enum Purpose {
 impl Purpose {
     /// Returns whether the result becomes the palette of the field.
     fn applies(self, field: AssetId<PlenOctree>, palettes: &Palettes) -> bool {
-        let is_extracted = || palettes.get(field).is_some_and(|palette| palette.extraction().is_some());
         match self {
             Self::Missing => palettes.lacks(field),
-            Self::Outdated => palettes.lacks(field) || is_extracted(),
+            Self::Outdated => palettes.lacks(field) || palettes.keeps_extracted(field),
             Self::Requested => true,
         }
     }
@@ -170,11 +179,16 @@ impl PaletteExtraction {
     /// running. If the field is reloaded meanwhile, its new version is extracted.
     ///
     /// The field keeps its palette until the new one is ready. The new one then replaces it, including its shown
-    /// colors, even if the palette was loaded or inserted.
+    /// colors, even if the palette was loaded or inserted. If the palette is [inserted](Palettes::insert) or
+    /// [removed](Palettes::remove) in a later frame, that cancels the extraction.
     pub fn request(&mut self, field: impl Into<AssetId<PlenOctree>>) {
         let id = field.into();
         self.cancel(id);
-        self.requested.insert(id, Purpose::Requested);
+        self.enqueue(id, Purpose::Requested);
+    }
+
+    fn enqueue(&mut self, id: AssetId<PlenOctree>, purpose: Purpose) {
+        self.requested.insert(id, Request { purpose, is_waiting: false });
     }
 
     /// Returns the settings for a field without a palette.
@@ -195,7 +209,7 @@ impl PaletteExtraction {
     /// Cancels the extraction of a field and returns what it was for, if there was one.
     fn cancel(&mut self, id: AssetId<PlenOctree>) -> Option<Purpose> {
         self.failed.remove(&id);
-        let requested = self.requested.remove(&id);
+        let requested = self.requested.shift_remove(&id).map(|request| request.purpose);
         let running = self.running.remove(&id).map(|running| {
             running.progress.cancel();
             running.purpose
@@ -209,11 +223,17 @@ pub(super) fn forget(
     mut events: MessageReader<AssetEvent<PlenOctree>>,
     mut extraction: ResMut<PaletteExtraction>,
     mut palettes: ResMut<Palettes>,
+    fields: Res<Assets<PlenOctree>>,
     posterized: Posterized,
 ) {
     if !palettes.assigned.is_empty() {
         for id in palettes.bypass_change_detection().assigned.drain(..) {
-            extraction.failed.remove(&id);
+            // Which came first is not known if both happened since the last frame.
+            if extraction.requested.get(&id).is_some_and(|request| !request.is_waiting) {
+                extraction.failed.remove(&id);
+            } else {
+                extraction.cancel(id);
+            }
         }
     }
     for event in events.read() {
@@ -223,7 +243,8 @@ pub(super) fn forget(
         };
         let purpose = extraction.cancel(*id);
         extraction.sampled.remove(id);
-        if !matches!(event, AssetEvent::Modified { .. }) {
+        // It may have been removed and added again.
+        if !matches!(event, AssetEvent::Modified { .. }) && !fields.contains(*id) {
             palettes.remove(*id);
             continue;
         }
@@ -233,7 +254,7 @@ pub(super) fn forget(
         let is_shown = is_outdated && posterized.fields().any(|field| field == *id);
         let purpose = purpose.max(is_shown.then_some(Purpose::Outdated));
         if let Some(purpose) = purpose.filter(|purpose| *purpose > Purpose::Missing) {
-            extraction.requested.insert(*id, purpose);
+            extraction.enqueue(*id, purpose);
         } else if is_outdated {
             palettes.remove(*id);
         }
@@ -258,16 +279,19 @@ pub(super) fn start(
     let unwanted: Vec<_> = extraction.running.iter().filter(is_unwanted).map(|(id, _)| *id).collect();
     for id in unwanted {
         if let Some(purpose) = extraction.cancel(id).filter(|purpose| purpose.applies(id, &palettes)) {
-            extraction.requested.insert(id, purpose);
+            extraction.enqueue(id, purpose);
         }
     }
+    let mut seen = HashSet::new();
     let missing = posterized.fields().filter(|id| {
         extraction.automatic
             && palettes.lacks(*id)
-            && !extraction.has_failed(*id, &posterized)
             && !extraction.running.contains_key(id)
+            && !extraction.requested.contains_key(id)
+            && seen.insert(*id)
+            && !extraction.has_failed(*id, &posterized)
     });
-    let ids: HashSet<_> = extraction.requested.keys().copied().chain(missing).collect();
+    let ids: Vec<_> = extraction.requested.keys().copied().chain(missing).collect();
     let on_gpu = adapter.is_some_and(|adapter| match extraction.sampler {
         PaletteSampler::Auto => adapter.device_type != DeviceType::Cpu,
         PaletteSampler::Gpu => true,
@@ -280,7 +304,7 @@ pub(super) fn start(
         let Some(field) = fields.get(id) else {
             continue;
         };
-        let purpose = extraction.requested.remove(&id).unwrap_or(Purpose::Missing);
+        let purpose = extraction.requested.shift_remove(&id).map_or(Purpose::Missing, |request| request.purpose);
         let settings = match purpose {
             Purpose::Requested => extraction.settings.clone(),
             Purpose::Missing | Purpose::Outdated => extraction.settings_for(id, &posterized),
@@ -313,6 +337,9 @@ pub(super) fn start(
         };
         extraction.running.insert(id, Running { purpose, settings, progress, step });
     }
+    if !extraction.requested.is_empty() {
+        extraction.requested.values_mut().for_each(|request| request.is_waiting = true);
+    }
 }
 
 /// Returns the path of a field or, if it has none, its id.
@@ -342,7 +369,7 @@ pub(super) fn finish(
     mut extraction: ResMut<PaletteExtraction>,
     mut jobs: ResMut<SamplingJobs>,
     mut palettes: ResMut<Palettes>,
-    mut messages: MessageWriter<PaletteFailed>,
+    (mut ready, mut failures): (MessageWriter<PaletteReady>, MessageWriter<PaletteFailed>),
     server: Res<AssetServer>,
 ) {
     // Jobs are extracted whenever they change.
@@ -393,12 +420,13 @@ pub(super) fn finish(
                     seconds.sampling,
                     seconds.filtering + seconds.hull + seconds.fitting
                 );
-                palettes.arrive(*id, FieldPalette::from_extraction(extraction), origin);
+                palettes.arrive(*id, FieldPalette::from_extraction(extraction));
+                ready.write(PaletteReady { field: *id, sampled: Some(origin) });
                 sampled.insert(*id, samples);
             }
             Err(error) => {
                 error!("failed to extract the palette of {}: {error}", field_name(&server, *id));
-                messages.write(PaletteFailed { field: *id, error: error.clone() });
+                failures.write(PaletteFailed { field: *id, error: error.clone() });
                 failed.insert(*id, (running.settings.clone(), error));
             }
         }

@@ -26,6 +26,7 @@ const EXTENSION: &str = "palette.json";
 ///
 /// Invalid files fail to load with a [`PaletteFileError`].
 #[derive(Default, TypePath)]
+#[type_path = "bevy_plenoctree"]
 pub struct PaletteLoader;
 
 impl AssetLoader for PaletteLoader {
@@ -98,13 +99,17 @@ pub(super) fn load(
     server: Res<AssetServer>,
     loaded: Res<Assets<Palette>>,
     mut changes: MessageReader<AssetEvent<Palette>>,
+    mut ready: MessageWriter<PaletteReady>,
 ) {
-    let Palettes { by_field, files, arrived, .. } = palettes.bypass_change_detection();
+    let Palettes { by_field, files, .. } = palettes.bypass_change_detection();
     for event in changes.read() {
         for file in files.values_mut() {
             match file {
                 PaletteSource::Loaded(handle) if event.is_modified(&*handle) => {
                     *file = PaletteSource::Changed(handle.clone());
+                }
+                PaletteSource::Loaded(handle) if event.is_removed(&*handle) => {
+                    *file = PaletteSource::Expected(handle.clone());
                 }
                 PaletteSource::Failed(handle) if event.is_added(&*handle) || event.is_modified(&*handle) => {
                     *file = PaletteSource::Expected(handle.clone());
@@ -113,7 +118,7 @@ pub(super) fn load(
             }
         }
     }
-    let arrived_before = arrived.len();
+    let mut has_arrived = false;
     for (field, file) in files {
         let has_changed = matches!(file, PaletteSource::Changed(_));
         match file {
@@ -139,7 +144,8 @@ pub(super) fn load(
                         |current: &FieldPalette| current.palette() == new.palette() && current.shown() == new.shown();
                     if !current.is_some_and(is_same) {
                         by_field.insert(*field, new);
-                        arrived.push(PaletteReady { field: *field, sampled: None });
+                        ready.write(PaletteReady { field: *field, sampled: None });
+                        has_arrived = true;
                     }
                     *file = PaletteSource::Loaded(handle.clone());
                 } else if has_failed(&server, handle) {
@@ -149,7 +155,7 @@ pub(super) fn load(
             PaletteSource::Loaded(_) | PaletteSource::Failed(_) | PaletteSource::Missing => {}
         }
     }
-    if arrived.len() > arrived_before {
+    if has_arrived {
         palettes.set_changed();
     }
 }

@@ -54,7 +54,7 @@ impl Plugin for PalettePlugin {
             )
             .add_systems(
                 PreUpdate,
-                (extraction::forget, file::seek, file::load, extraction::start, extraction::finish, resource::announce)
+                (extraction::forget, file::seek, file::load, extraction::start, extraction::finish)
                     .chain()
                     .in_set(PlenOctreeSystems::UpdatePalettes),
             );

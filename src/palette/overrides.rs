@@ -111,6 +111,16 @@ impl PaletteOverride {
         self.colors.get(index).copied().flatten()
     }
 
+    /// Returns how the ramp of this name is shown, or `None` if it is not overridden by its name.
+    pub fn ramp(&self, name: &str) -> Option<&RampAdjustment> {
+        self.ramps.iter().find(|(known, _)| known == name).map(|(_, adjustment)| adjustment)
+    }
+
+    /// Returns whether it overrides nothing.
+    pub fn is_empty(&self) -> bool {
+        self.colors.is_empty() && self.ramps.is_empty()
+    }
+
     /// Overrides color `index`. It has no effect while the palette of the field has no such color. Alpha is ignored.
     ///
     /// If no palette can have such a color ([`Palette::MAX_COLORS`]), changes nothing, logs a warning (once per app),
@@ -210,6 +220,7 @@ impl PaletteOverride {
         if let Some(color) = self.colors.get_mut(index) {
             *color = None;
         }
+        while self.colors.pop_if(|color| color.is_none()).is_some() {}
     }
 
     /// Removes the override of the ramp of this name. Those of its colors stay.
@@ -243,6 +254,20 @@ mod tests {
         palette.set_ramp(0, green);
         assert_eq!(shown, palette.shown());
         assert!(shown[0] != source[0]);
+    }
+
+    /// What is set and unset again is gone.
+    #[test]
+    fn overrides_are_removed() {
+        let mut own =
+            PaletteOverride::default().with(3, Color::WHITE).with(5, Color::BLACK).with_ramp("cap", Color::WHITE);
+        assert!(own.ramp("cap").is_some() && own.ramp("stem").is_none());
+        own.unset(3);
+        assert_eq!((own.get(3), own.get(5)), (None, Some(Color::BLACK)));
+        own.unset(5);
+        assert!(!own.is_empty());
+        own.unset_ramp("cap");
+        assert!(own.is_empty() && own == PaletteOverride::default());
     }
 
     /// Wishes are met on top of what an entity overrides already.

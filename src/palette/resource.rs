@@ -11,7 +11,7 @@ use plenoctree::{
     },
 };
 
-use super::{blend::BlendSpace, ready::PaletteReady, samples::SampleOrigin, source::PaletteSource};
+use super::{blend::BlendSpace, source::PaletteSource};
 
 /// Stores the palettes of all fields.
 ///
@@ -53,12 +53,9 @@ pub struct Palettes {
     pub(super) by_field: HashMap<AssetId<PlenOctree>, FieldPalette>,
     #[reflect(ignore)]
     pub(super) files: HashMap<AssetId<PlenOctree>, PaletteSource>,
-    /// Fields whose palettes were inserted or removed, so that earlier failures no longer matter.
+    /// Fields whose palettes were inserted or removed, so that earlier requests and failures no longer matter.
     #[reflect(ignore)]
     pub(super) assigned: Vec<AssetId<PlenOctree>>,
-    /// What will be written next.
-    #[reflect(ignore)]
-    pub(super) arrived: Vec<PaletteReady>,
 }
 
 /// The palette of one field.
@@ -73,8 +70,8 @@ pub struct Palettes {
 /// 1. the source colors,
 /// 2. the shown colors, which all props of the field share,
 /// 3. the colors of the entity's [`PaletteOverride`](crate::PaletteOverride).
-#[derive(Clone, Debug, Reflect)]
-#[reflect(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Reflect)]
+#[reflect(Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 pub struct FieldPalette {
     palette: Palette,
@@ -121,7 +118,8 @@ impl FieldPalette {
     }
 
     /// Returns the palette as [`save`](Self::save) writes it: with the shown colors, unless all are the source colors.
-    /// A game may store it in a file of its own, and pass it to [`new`](Self::new) later.
+    /// A game may store it in a file of its own, and pass it to [`new`](Self::new) later. It is
+    /// [invalid](Palette::validate) if a shown color is not finite.
     pub fn to_palette(&self) -> Palette {
         let mut saved = self.palette.clone();
         if !self.source().eq(self.shown.iter().copied()) {
@@ -309,8 +307,8 @@ impl FieldPalette {
     /// or `x.npz`. It then shows what it showed when it was saved; to ship a palette without the colors of a player,
     /// [`reset`](Self::reset) a clone of it.
     ///
-    /// Returns an error if the file cannot be written, if the palette is [invalid](Palette::validate), or if a channel
-    /// of a source color is not from 0 to 1.
+    /// Returns an error in the cases of [`Palette::write`]: if a channel of a source color is not from 0 to 1, for
+    /// example.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), PaletteFileError> {
         self.to_palette().write(path)
     }
@@ -337,7 +335,13 @@ impl Palettes {
         self.by_field.get_mut(&field.into())
     }
 
-    /// Sets the palette of a field, instead of loading or extracting one.
+    /// Returns the fields that have a palette, and their palettes, in any order.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = (AssetId<PlenOctree>, &FieldPalette)> {
+        self.by_field.iter().map(|(field, palette)| (*field, palette))
+    }
+
+    /// Sets the palette of a field, instead of loading or extracting one. Cancels an extraction that was requested in an
+    /// earlier frame.
     pub fn insert(&mut self, field: impl Into<AssetId<PlenOctree>>, palette: FieldPalette) {
         let id = field.into();
         self.files.remove(&id);
@@ -383,12 +387,11 @@ impl Palettes {
     }
 
     /// Inserts a palette that was extracted, for which [`PaletteReady`](crate::PaletteReady) is written.
-    pub(super) fn arrive(&mut self, field: AssetId<PlenOctree>, palette: FieldPalette, sampled: SampleOrigin) {
+    pub(super) fn arrive(&mut self, field: AssetId<PlenOctree>, palette: FieldPalette) {
         if !matches!(self.files.get(&field), Some(PaletteSource::Failed(_))) {
             self.files.remove(&field);
         }
         self.by_field.insert(field, palette);
-        self.arrived.push(PaletteReady { field, sampled: Some(sampled) });
     }
 
     /// Returns whether a field has no palette and none is being loaded.
@@ -396,10 +399,10 @@ impl Palettes {
         let has_no_file = matches!(self.files.get(&field), Some(PaletteSource::Missing | PaletteSource::Failed(_)));
         has_no_file && !self.by_field.contains_key(&field)
     }
-}
 
-/// Writes a [`PaletteReady`] for every palette that was loaded or extracted since the last call.
-pub(super) fn announce(mut palettes: ResMut<Palettes>, mut ready: MessageWriter<PaletteReady>) {
-    let arrived = palettes.bypass_change_detection().arrived.drain(..);
-    ready.write_batch(arrived);
+    /// Returns whether a field has a palette that was extracted, and is given no other one.
+    pub(super) fn keeps_extracted(&self, field: AssetId<PlenOctree>) -> bool {
+        let is_loading = matches!(self.files.get(&field), Some(PaletteSource::Expected(_) | PaletteSource::Changed(_)));
+        !is_loading && self.get(field).is_some_and(|palette| palette.extraction().is_some())
+    }
 }

@@ -23,7 +23,8 @@ pub enum SampleOrigin {
     Gpu,
     /// On background threads.
     Cpu,
-    /// Before the field was packed: its file [records](plenoctree::PlenOctree::histograms) their histograms.
+    /// Before the field was packed: its file [records](plenoctree::PlenOctree::histograms) their histograms. For tones,
+    /// background threads also cast rays through the packed field.
     Recorded,
 }
 

@@ -12,15 +12,15 @@ use crate::palette::{FieldPalette, PaletteOverride, decoded, encoded};
 pub(super) struct Colors<'a> {
     pub(super) palette: &'a FieldPalette,
     pub(super) shown: Vec<Color>,
-    /// Whether the prop overrides colors of the field.
-    pub(super) is_own: bool,
+    /// What the prop overrides of the palette, if edits are for the prop alone.
+    pub(super) own: Option<&'a PaletteOverride>,
     total: f64,
 }
 
 impl<'a> Colors<'a> {
-    pub(super) fn new(palette: &'a FieldPalette, own: Option<&PaletteOverride>) -> Self {
+    pub(super) fn new(palette: &'a FieldPalette, own: Option<&'a PaletteOverride>) -> Self {
         let shown = own.map_or_else(|| palette.shown().to_vec(), |own| own.shown(palette));
-        Self { palette, shown, is_own: own.is_some(), total: palette.palette().weights.iter().sum() }
+        Self { palette, shown, own, total: palette.palette().weights.iter().sum() }
     }
 
     /// Returns the mean of the colors that a ramp shows.
@@ -38,12 +38,24 @@ impl<'a> Colors<'a> {
 
     /// Returns whether there is something to reset.
     pub(super) fn is_edited(&self, index: usize) -> bool {
-        let before = if self.is_own { self.palette.shown()[index] } else { source_color(self.palette, index) };
-        self.shown[index] != before
+        match self.own {
+            Some(own) => own.get(index).is_some(),
+            None => self.shown[index] != source_color(self.palette, index),
+        }
+    }
+
+    /// Returns whether there is something of a ramp to reset.
+    pub(super) fn is_ramp_edited(&self, ramp: usize) -> bool {
+        let ramp = &self.palette.ramps()[ramp];
+        let is_own = self.own.is_some_and(|own| own.ramp(&ramp.name).is_some());
+        is_own || ramp.tones.iter().any(|tone| self.is_edited(*tone))
     }
 
     pub(super) fn any_edited(&self) -> bool {
-        (0..self.shown.len()).any(|index| self.is_edited(index))
+        match self.own {
+            Some(own) => !own.is_empty(),
+            None => (0..self.shown.len()).any(|index| self.is_edited(index)),
+        }
     }
 }
 

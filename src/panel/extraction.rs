@@ -79,10 +79,18 @@ fn sliders(ui: &mut egui::Ui, settings: &mut ExtractionSettings) -> bool {
             let directions = row(ui, "Directions", hint, egui::Slider::new(directions, 1..=8));
             let hint = "Square root of the number of rays that are averaged per direction";
             let multisamples = row(ui, "Multisamples", hint, egui::Slider::new(multisamples, 1..=4));
-            let hint = "Fraction of the leaves to sample; lower is faster";
-            let mut fraction = sample_fraction.unwrap_or(1.0);
-            let leaves = row(ui, "Leaves", hint, egui::Slider::new(&mut fraction, 0.01..=1.0).max_decimals(2));
-            *sample_fraction = if leaves { Some(fraction) } else { *sample_fraction };
+            let mut enough = sample_fraction.is_none();
+            let hint = "As many leaves as the palette needs: for tones, a part of those of large fields, otherwise all";
+            ui.label("Enough leaves").on_hover_text(hint);
+            let mut leaves = ui.checkbox(&mut enough, "").on_hover_text(hint).changed();
+            ui.end_row();
+            if leaves {
+                *sample_fraction = if enough { None } else { Some(1.0) };
+            }
+            if let Some(fraction) = sample_fraction {
+                let hint = "Fraction of the leaves to sample; lower is faster";
+                leaves |= row(ui, "Leaves", hint, egui::Slider::new(fraction, 0.01..=1.0).max_decimals(2));
+            }
             let hint = "Fraction of the visible weight above which a color starts a cluster; lower finds rarer colors";
             let threshold = egui::Slider::new(coarse_threshold, 1e-4..=0.1).logarithmic(true).max_decimals(4);
             let threshold = row(ui, "Threshold", hint, threshold);

@@ -34,7 +34,7 @@ pub(super) fn rows(ui: &mut egui::Ui, colors: &Colors) -> Option<Edit> {
 fn row(ui: &mut egui::Ui, colors: &Colors, ramp: usize) -> Option<Edit> {
     let (name, tones) = (&colors.palette.ramps()[ramp].name, &colors.palette.ramps()[ramp].tones);
     let mut edit = None;
-    if colors.is_own {
+    if colors.own.is_some() {
         // Overrides refer to ramps by name.
         ui.add_sized([80.0, RAMP.y], egui::Label::new(name).truncate());
     } else if let Some(name) = edit_name(ui, name, ramp) {
@@ -59,8 +59,7 @@ fn row(ui: &mut egui::Ui, colors: &Colors, ramp: usize) -> Option<Edit> {
         }
     }
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-        let edited = tones.iter().any(|tone| colors.is_edited(*tone));
-        if ui.add_enabled(edited, egui::Button::new("Reset").small()).clicked() {
+        if ui.add_enabled(colors.is_ramp_edited(ramp), egui::Button::new("Reset").small()).clicked() {
             edit = Some(ColorEdit::ResetRamp(ramp).into());
         }
         let share: f64 = tones.iter().map(|tone| colors.share(*tone)).sum();

@@ -3,6 +3,7 @@
 use std::any::TypeId;
 
 use bevy::{
+    asset::AsAssetId,
     camera::visibility::{self, VisibilityClass},
     ecs::{VariantDefaults, lifecycle::HookContext, world::DeferredWorld},
     prelude::*,
@@ -26,12 +27,26 @@ use super::{drawn::DrawnField, progress::PropProgress, state::PropState};
 /// To animate a field, load its frames as fields of their own, and give the prop one handle after the other. If a field
 /// is replaced in [`Assets`] instead, its new version arrives from the start: one that is replaced again before it has
 /// arrived is never drawn.
-#[derive(Component, Clone, Debug, FromTemplate, Reflect)]
-#[reflect(Component, Clone, Debug)]
+#[derive(Component, Clone, Debug, PartialEq, Eq, FromTemplate, Reflect)]
+#[reflect(Component, Clone, Debug, PartialEq)]
 #[type_path = "bevy_plenoctree"]
 #[require(DrawnField, PropProgress, PropState, PropTint, SolidOpacity, Transform, Visibility, VisibilityClass)]
 #[component(on_add = visibility::add_visibility_class::<Prop>, on_remove = clean_up)]
 pub struct Prop(pub Handle<PlenOctree>);
+
+impl From<Handle<PlenOctree>> for Prop {
+    fn from(field: Handle<PlenOctree>) -> Self {
+        Self(field)
+    }
+}
+
+impl AsAssetId for Prop {
+    type Asset = PlenOctree;
+
+    fn as_asset_id(&self) -> AssetId<PlenOctree> {
+        self.0.id()
+    }
+}
 
 /// Reverts `add_visibility_class`. Otherwise, an entity whose [`Prop`] is removed and added again would be listed twice
 /// as visible. Also releases the field.

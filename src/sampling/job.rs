@@ -12,7 +12,10 @@ use plenoctree::{
     sampling::{Canceled, Histograms, Lattice, Progress, SamplePoint, SamplingPlan, SamplingSettings, View, ViewRays},
 };
 
-use crate::{background, gpu::tree_depth};
+use crate::{
+    background,
+    gpu::{field_bytes, tree_depth},
+};
 
 /// An error that prevents sampling on the GPU. The CPU samples the field instead.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -52,7 +55,7 @@ pub(crate) struct SamplingJob {
 impl Drop for SamplingJob {
     fn drop(&mut self) {
         let cells = self.lattice.as_ref().map_or(0, |lattice| lattice.words.len());
-        let bytes = 16 * self.leaves.len() as u64 + 4 * cells as u64;
+        let bytes = 16 * self.leaves.len() as u64 + 4 * cells as u64 + field_bytes(&self.field);
         background::discard((std::mem::take(&mut self.leaves), self.lattice.take(), self.field.clone()), bytes);
     }
 }

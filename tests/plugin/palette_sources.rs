@@ -428,6 +428,84 @@ fn a_reload_does_not_cancel_a_requested_extraction() {
     }
 }
 
+/// A palette that is inserted after an extraction was requested stays, whether or not the extraction has begun.
+#[test]
+fn what_is_inserted_later_stays() {
+    for begins in [false, true] {
+        let mut files = Files::new();
+        let field = files.spawn();
+        files.palette(&field);
+        let request = |files: &mut Files, id: AssetId<PlenOctree>| {
+            files.app.world_mut().resource_mut::<PaletteExtraction>().request(id);
+            files.app.update();
+        };
+        // One begins once there is such a field.
+        let reserved = files.app.world().resource::<Assets<PlenOctree>>().reserve_handle();
+        let id = if begins { field.id() } else { reserved.id() };
+        request(&mut files, id);
+        let given = FieldPalette::from_colors(COLORS).unwrap();
+        files.app.world_mut().resource_mut::<Palettes>().insert(id, given.clone());
+        files.app.update();
+        _ = files.app.world_mut().resource_mut::<Assets<PlenOctree>>().insert(id, solid(10.0));
+        for _ in 0..100 {
+            files.app.update();
+            let world = files.app.world();
+            assert_eq!(world.resource::<Palettes>().get(id).unwrap(), &given, "begins: {begins}");
+            assert!(world.resource::<PaletteExtraction>().progress(id).is_none(), "begins: {begins}");
+        }
+        // What is requested later replaces it.
+        request(&mut files, id);
+        files.run_until("an extraction", move |world| {
+            world.resource::<Palettes>().get(id).is_some_and(|palette| palette.extraction().is_some())
+        });
+    }
+}
+
+/// A palette that is loading is not lost because the field changes, and with it one that was extracted before.
+#[test]
+fn a_palette_that_is_loading_survives_a_reload() {
+    let mut files = Files::new();
+    let field = files.spawn();
+    files.palette(&field);
+    let id = field.id();
+    files.app.world_mut().resource_mut::<Assets<PlenOctree>>().insert(id, solid(0.5)).unwrap();
+    files.app.update();
+    let winter = files.app.world().resource::<Assets<Palette>>().reserve_handle();
+    files.app.world_mut().resource_mut::<Palettes>().insert_handle(&field, winter.clone());
+    (0..100).for_each(|_| files.app.update());
+    let palette = Palette::new(vec![[0.9, 0.95, 1.0]]).unwrap();
+    _ = files.app.world_mut().resource_mut::<Assets<Palette>>().insert(winter.id(), palette.clone());
+    (0..3).for_each(|_| files.app.update());
+    let found = |files: &Files| files.app.world().resource::<Palettes>().get(id).unwrap().palette().clone();
+    assert_eq!(found(&files), palette);
+    // One that is removed and added again is applied again.
+    files.app.world_mut().resource_mut::<Assets<Palette>>().remove(&winter);
+    (0..3).for_each(|_| files.app.update());
+    assert_eq!(found(&files), palette);
+    let other = Palette::new(vec![[0.1, 0.2, 0.3]]).unwrap();
+    _ = files.app.world_mut().resource_mut::<Assets<Palette>>().insert(winter.id(), other.clone());
+    (0..3).for_each(|_| files.app.update());
+    assert_eq!(found(&files), other);
+}
+
+/// A field that is taken out and put back keeps the palette that it was given.
+#[test]
+fn fields_that_are_put_back_keep_palettes() {
+    let mut files = Files::new();
+    let field = files.spawn();
+    files.palette(&field);
+    let given = FieldPalette::from_colors(COLORS).unwrap();
+    let world = files.app.world_mut();
+    let mut fields = world.resource_mut::<Assets<PlenOctree>>();
+    let taken = fields.remove(&field).unwrap();
+    _ = fields.insert(field.id(), taken);
+    world.resource_mut::<Palettes>().insert(&field, given.clone());
+    for _ in 0..20 {
+        files.app.update();
+        assert_eq!(files.app.world().resource::<Palettes>().get(&field), Some(&given));
+    }
+}
+
 /// The palette next to a field outside the assets folder is loaded if the field is.
 #[test]
 fn a_palette_next_to_an_unapproved_field_is_loaded() {

@@ -9,11 +9,11 @@ use bevy::{
     render::{RenderApp, render_asset::RenderAssets},
 };
 use bevy_plenoctree::{
-    GpuField, PaletteExtraction, PaletteSampler, PlenOctree, Posterize, Prop, PropProgress, PropQuality, PropState,
-    props_progress,
+    FieldPalette, GpuField, PaletteExtraction, PaletteSampler, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
+    PosterizeView, Prop, PropProgress, PropQuality, PropState, props_progress, props_ready,
 };
 
-use super::stage::{Stage, skip};
+use super::stage::{Stage, skip, wait_for};
 
 /// The number of times that the camera has drawn.
 #[derive(Resource, Default)]
@@ -129,15 +129,44 @@ fn progress_rises_to_the_end() {
 /// A field with many props counts as much as one with a single prop, and waits for what the slowest of them waits for.
 #[test]
 fn progress_counts_each_field_once() {
-    let mut world = World::new();
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin));
+    let world = app.world_mut();
     assert_eq!(world.run_system_once(props_progress).unwrap(), 1.0);
-    let assets = Assets::<PlenOctree>::default();
+    let assets = world.resource::<Assets<PlenOctree>>();
     let [crowd, single] = [assets.reserve_handle(), assets.reserve_handle()];
     for _ in 0..9 {
         world.spawn((Prop(crowd.clone()), PropProgress { read: 1.0, uploaded: 1.0, palette: None }));
     }
     world.spawn((Prop(single), PropProgress::default()));
     assert_eq!(world.run_system_once(props_progress).unwrap(), 0.5);
-    world.spawn((Prop(crowd), PropProgress { read: 1.0, uploaded: 1.0, palette: Some(0.25) }));
+    world.spawn((Prop(crowd.clone()), PropProgress { read: 1.0, uploaded: 1.0, palette: Some(0.25) }));
     assert_eq!(world.run_system_once(props_progress).unwrap(), 0.375);
+    // A posterized view counts if no prop shows its field.
+    world.spawn(PosterizeView(crowd));
+    assert_eq!(world.run_system_once(props_progress).unwrap(), 0.375);
+}
+
+/// A posterized view waits for its palette, unless there will be none.
+#[test]
+fn posterized_views_wait_for_their_palettes() {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, AssetPlugin::default(), PlenOctreePlugin));
+    let world = app.world_mut();
+    let known = world.resource::<Assets<PlenOctree>>().reserve_handle();
+    let missing = world.resource::<AssetServer>().load("no such field.plenoctree");
+    let both = |world: &mut World| {
+        (world.run_system_once(props_ready).unwrap(), world.run_system_once(props_progress).unwrap())
+    };
+    assert_eq!(both(world), (true, 1.0));
+    let view = world.spawn(PosterizeView(known.clone())).id();
+    assert_eq!(both(world), (false, 0.0));
+    world.resource_mut::<Palettes>().insert(&known, FieldPalette::from_colors([Color::WHITE]).unwrap());
+    assert_eq!(both(world), (true, 1.0));
+    world.entity_mut(view).insert(PosterizeView(missing));
+    assert_eq!(both(world), (false, 0.0));
+    wait_for("an error", || {
+        app.update();
+        both(app.world_mut()) == (true, 1.0)
+    });
 }

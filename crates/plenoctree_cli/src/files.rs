@@ -50,7 +50,11 @@ pub fn check_inputs(inputs: &[&Path]) -> Result {
 
 /// Returns the size of a file in bytes.
 pub fn size(path: &Path) -> Result<u64> {
-    Ok(fs::metadata(path).map_err(|error| format!("{}: {error}", path.display()))?.len())
+    let metadata = fs::metadata(path).map_err(|error| format!("{}: {error}", path.display()))?;
+    if metadata.is_dir() {
+        return Err(format!("{}: found a folder, expected a file", path.display()).into());
+    }
+    Ok(metadata.len())
 }
 
 /// Checks that inputs exist and that files can be written, before the work starts: files that are neither inputs nor

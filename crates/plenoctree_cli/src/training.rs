@@ -16,8 +16,8 @@ use crate::{console, files, progress, result::Result};
 
 /// Steps of the progress bar.
 const STEPS: u64 = 1000;
-/// What Ctrl-C says if it ends the program before there is a result.
-const NO_RESULT: &str = "error: stopped by Ctrl-C before there was a result";
+/// What Ctrl-C says if it ends the program before it is done.
+const NOT_DONE: &str = "error: stopped by Ctrl-C before it was done";
 /// The exit code of a program that Ctrl-C ended.
 const INTERRUPTED: i32 = 130;
 
@@ -44,7 +44,7 @@ impl Interruption {
         let (progress, has_result) = (interruption.progress.clone(), interruption.has_result.clone());
         ctrlc::set_handler(move || {
             if !has_result.load(Ordering::Relaxed) {
-                console::complain!("{NO_RESULT}");
+                console::complain!("{NOT_DONE}");
                 end();
             }
             // Who asks twice does not want to wait.
@@ -81,7 +81,7 @@ impl Interruption {
         let result = progress::watched(&bar, || work(&self.progress), || show(&bar, &self.progress));
         result.map_err(|error| match error {
             FitError::Stopped => {
-                console::complain!("{NO_RESULT}");
+                console::complain!("{NOT_DONE}");
                 files::clean_up();
                 process::exit(INTERRUPTED)
             }

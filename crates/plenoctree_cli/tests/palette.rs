@@ -2,7 +2,7 @@
 
 mod common;
 
-use std::{fs, path::Path, process::Output};
+use std::{fs, io::Write, path::Path, process::Output};
 
 use common::{ball, fail, folder, run, succeed, text};
 use npyz::WriterBuilder;
@@ -165,8 +165,20 @@ fn bad_histograms_are_rejected() {
     reject(&[("fine", &[4, 4, 4], f64::NAN), ("coarse", &[2, 2, 2], 1.0)], "bin 0");
     reject(&[("fine", &[4, 4, 4], -1.0), ("coarse", &[2, 2, 2], 1.0)], "bin 0");
     reject(&[("fine", &[4, 4, 4], 0.0), ("coarse", &[2, 2, 2], 0.0)], "nothing of the field is visible");
-    fs::write(&path, "no archive").unwrap();
-    assert!(fail(&["palette", "--from-histograms", text(&path)]).contains("h.npz"));
+    reject(&[("fine", &[4, 4, 4], 1e307), ("coarse", &[2, 2, 2], 1.0)], "the sum of the weights is not finite");
+    let reject = |bytes: &[u8], message: &str| {
+        fs::write(&path, bytes).unwrap();
+        let found = fail(&["palette", "--from-histograms", text(&path)]);
+        assert!(found.contains("h.npz") && found.contains(message), "{found}");
+    };
+    reject(b"no archive", "found no zip directory at the end, expected an npz archive");
+    // A header of 4 GB, and a zip64 directory somewhere.
+    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    archive.start_file("fine.npy", zip::write::FileOptions::default()).unwrap();
+    archive.write_all(b"\x93NUMPY\x02\x00\xf0\xff\xff\xff{").unwrap();
+    reject(&archive.finish().unwrap().into_inner(), "fine: found an npy header of 4294967280 bytes");
+    let end = [&b"PK\x06\x07\0\0\0\0\0\0\0\0\0\0\0\0\x01\0\0\0PK\x05\x06\0\0\0\0"[..], &[255; 12], &[0; 2]].concat();
+    reject(&[vec![0; 1 << 22], end].concat(), "found a misplaced zip64 directory");
     fail(&["palette", "--from-histograms", text(&path), text(&field)]);
     fail(&["palette"]);
     fail(&["palette", text(&field), "--colors", "few"]);

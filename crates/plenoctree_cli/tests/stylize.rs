@@ -181,6 +181,49 @@ fn nothing_is_overwritten() {
         assert!(message.contains(reason), "{message}");
         assert_eq!(fs::read(path).unwrap(), before);
     }
+
+    // A picture that the file of the cameras names.
+    let cameras = folder.join("cameras.json");
+    let matrix = "[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]";
+    let frames = format!(r#"[{{ "file_path": "out/frame_000.original.png", "transform_matrix": {matrix} }}]"#);
+    fs::write(&cameras, format!(r#"{{ "camera_angle_x": 0.8, "frames": {frames} }}"#)).unwrap();
+    let before = fs::read(&frame).unwrap();
+    let message = fail(&["--sampling", "cpu", "--background", "ff0000", "--cameras", text(&cameras)]);
+    assert!(message.contains("frame_000.original.png: would be overwritten"), "{message}");
+    assert_eq!(fs::read(&frame).unwrap(), before);
+}
+
+/// Wherever a field is, the GPU shows it as the reference does.
+#[cfg(feature = "bevy")]
+#[test]
+fn far_fields_are_where_they_are() {
+    let folder = folder("stylize_far");
+    let center = DVec3::new(1e6, -3e7, 2e5);
+    let (min, max) = (center - DVec3::ONE, center + DVec3::ONE);
+    let settings = BakeSettings { depth: 4, min, max, basis: Basis::Rgba, directions: 8, ..Default::default() };
+    let density = |at: DVec3| if (at - center).length() < 0.8 { 50.0 } else { 0.0 };
+    let color = |at: DVec3| DVec3::select(at.cmpgt(center), DVec3::splat(0.9), DVec3::splat(0.1));
+    let field = folder.join("far.npz");
+    bake(&settings, density, |at| move |_| color(at)).unwrap().write(&field).unwrap();
+    let image = |renderer: &str| {
+        let out = folder.join(renderer);
+        let shared = ["stylize", text(&field), "--frames", "1", "--size", "48x48", "--sampling", "cpu", "--quiet"];
+        let both = [&shared[..], &["--renderer", renderer, "--out", text(&out)]].concat();
+        let Output { stderr, status, .. } = run(&both);
+        let errors = String::from_utf8(stderr).unwrap();
+        // No test of the program needs a GPU.
+        if !status.success() && errors.contains("no usable graphics adapter") {
+            return None;
+        }
+        assert!(status.success(), "{errors}");
+        Some(image::open(out.join("frame_000.original.png")).unwrap().into_rgb8())
+    };
+    let (Some(gpu), Some(reference)) = (image("gpu"), image("reference")) else {
+        return println!("skipped: needs a graphics adapter");
+    };
+    assert!(reference.pixels().any(|pixel| pixel.0[0] < 100));
+    let most = gpu.iter().zip(reference.iter()).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+    assert!(most <= 2, "{most} of 255");
 }
 
 #[test]

@@ -38,6 +38,9 @@ pub(in crate::render) struct Pipelines {
     pub lights: Option<BindGroupLayoutDescriptor>,
     /// Those that compare the scene with what it was, once a view has come to rest.
     pub comparison: Option<Comparison>,
+    /// Those that count as not ready, for tests: apps without a window compile all pipelines at once.
+    #[cfg(test)]
+    pub held_back: HashSet<CachedRenderPipelineId>,
 }
 
 /// Everything that a pipeline is compiled for.
@@ -69,7 +72,22 @@ fn stage_name(shader: &Handle<Shader>) -> String {
 impl Pipelines {
     pub fn new(shaders: &Shaders, lights: Option<BindGroupLayoutDescriptor>) -> Self {
         let (ids, importing, waiting) = default();
-        Self { shaders: shaders.clone(), ids, importing, waiting, lights, comparison: None }
+        Self {
+            shaders: shaders.clone(),
+            ids,
+            importing,
+            waiting,
+            lights,
+            comparison: None,
+            #[cfg(test)]
+            held_back: default(),
+        }
+    }
+
+    /// Returns the pipelines that were requested.
+    #[cfg(all(test, feature = "headless"))]
+    pub fn requested(&self) -> impl Iterator<Item = CachedRenderPipelineId> {
+        self.ids.values().copied()
     }
 
     /// Returns the pipeline of a program of a pass, if it is ready. Otherwise, it is compiled in the meantime.
@@ -82,6 +100,8 @@ impl Pipelines {
     ) -> Option<CachedRenderPipelineId> {
         let id = self.id(cache, pass, program, target);
         match cache.get_render_pipeline_state(id) {
+            #[cfg(test)]
+            _ if self.held_back.contains(&id) => self.waiting.extend(program.tree),
             CachedPipelineState::Ok(_) => return Some(id),
             // Fields do not wait for what never comes.
             CachedPipelineState::Err(error) if !pipelines::is_loading(error) => {}

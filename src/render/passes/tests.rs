@@ -1,10 +1,19 @@
 //! Counts the passes of views, and the bytes that they write and hold.
 
-use std::time::Duration;
+use std::{hash::BuildHasher, time::Duration};
 
-use bevy::{camera::visibility::NoFrustumCulling, platform::collections::HashSet, prelude::*, render::RenderApp};
+use bevy::{
+    camera::visibility::NoFrustumCulling,
+    platform::{
+        collections::{HashMap, HashSet},
+        hash::FixedHasher,
+    },
+    prelude::*,
+    render::{Render, RenderApp},
+};
 use glam::DVec3;
 use plenoctree::{BakeSettings, Basis, bake};
+use proptest::prelude::ProptestConfig;
 
 use super::*;
 use crate::{
@@ -16,6 +25,7 @@ use crate::{
         frame::{CachedResult, PropView, Slot},
         plan::Feature,
     },
+    sets::PlenOctreeRenderSystems,
 };
 
 /// Returns a field that is a cube of one color.
@@ -159,6 +169,27 @@ fn what_later_passes_replace_is_written_again_for_those_that_read_it() {
     }
 }
 
+/// Lets each pipeline be ready a few frames after it was requested, as if it were compiled in the background. `seed`
+/// decides how many.
+fn compile_in_background(headless: &mut Headless, seed: u32) {
+    let world = headless.app.sub_app(RenderApp).world();
+    let mut frames: HashMap<_, _> = world.resource::<Pipelines>().requested().map(|id| (id, 0)).collect();
+    let hold_back = move |mut pipelines: ResMut<Pipelines>| {
+        let requested: Vec<_> = pipelines.requested().collect();
+        for id in requested {
+            let left = frames.entry(id).or_insert_with(|| FixedHasher.hash_one((seed, id)) % 6);
+            if *left > 0 {
+                pipelines.held_back.insert(id);
+                *left -= 1;
+            } else {
+                pipelines.held_back.remove(&id);
+            }
+        }
+    };
+    let before = hold_back.before(PlenOctreeRenderSystems::PlanViews);
+    headless.app.sub_app_mut(RenderApp).add_systems(Render, before);
+}
+
 /// Returns how many props a frame draws.
 fn drawn_props(headless: &mut Headless) -> usize {
     let volume = view(headless).passes.iter().filter(|pass| pass.name == "plenoctree_volume");
@@ -188,75 +219,108 @@ fn features(headless: &mut Headless) -> HashSet<&'static str> {
     all.into_iter().filter(|(_, is_shown)| *is_shown).map(|(what, _)| what).collect()
 }
 
+/// Returns an app with two props, the first of which overlaps neither the other nor a third one, which is hidden. Returns
+/// the props and the camera.
+#[cfg(feature = "headless-lit")]
+fn app_of_props() -> (Headless, [Entity; 4]) {
+    let (mut headless, camera) = app(None, lit);
+    let world = headless.app.world_mut();
+    let first = world.query_filtered::<Entity, With<Prop>>().single(world).unwrap();
+    let field = world.get::<Prop>(first).unwrap().clone();
+    let second = world.spawn((field, Transform::from_xyz(1.2, 0.0, 0.0))).id();
+    let other = world.resource_mut::<Assets<PlenOctree>>().add(cube(Basis::Sh4, DVec3::new(0.2, 0.6, 0.3)));
+    let palette = FieldPalette::from_colors([Color::BLACK, Color::WHITE]).unwrap();
+    world.resource_mut::<Palettes>().insert(&other, palette);
+    let third = world.spawn((Prop(other), Transform::from_xyz(-1.2, 0.4, 0.0), Visibility::Hidden)).id();
+    headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+    assert_eq!(drawn_props(&mut headless), 2);
+    (headless, [first, second, third, camera])
+}
+
+/// A change to the world of [`app_of_props`].
+#[cfg(feature = "headless-lit")]
+type Change = fn(&mut World, [Entity; 4]);
+
+/// Changes that need other pipelines.
+#[cfg(feature = "headless-lit")]
+const CHANGES: &[(&str, Change)] = &[
+    ("overlaps", |world, [_, second, ..]| {
+        world.entity_mut(second).insert(Transform::from_xyz(0.2, 0.0, 0.8));
+    }),
+    ("colors", |world, [_, second, ..]| {
+        let own = PaletteOverride::default().with(0, Color::WHITE);
+        world.entity_mut(second).insert((Recolor::default(), own));
+    }),
+    ("fog", |world, [.., camera]| {
+        world.entity_mut(camera).insert(bevy::pbr::DistanceFog::default());
+    }),
+    ("labels", |world, [first, ..]| {
+        world.entity_mut(first).insert(Posterize::default());
+    }),
+    ("light", |world, [first, ..]| {
+        world.entity_mut(first).insert(crate::PropLighting::toon(1.0));
+        world.spawn(DirectionalLight::default());
+    }),
+    ("ink", |world, [first, ..]| _ = world.entity_mut(first).insert(Ink::default())),
+    ("quality", |world, [.., camera]| _ = world.entity_mut(camera).insert(PropQuality::EXACT)),
+    ("tonemapping", |world, [.., camera]| {
+        world.entity_mut(camera).insert(bevy::core_pipeline::tonemapping::Tonemapping::Reinhard);
+    }),
+    ("filter", |world, [first, ..]| {
+        let filter = BilateralFilter { iterations: 0, ..default() };
+        world.entity_mut(first).insert(Posterize { filter, ..default() });
+    }),
+    ("soft labels", |world, [first, ..]| _ = world.entity_mut(first).insert(Posterize::soft())),
+    ("brightness", |world, [first, ..]| _ = world.entity_mut(first).insert(crate::PropLighting::default())),
+    ("no ink", |world, [first, ..]| _ = world.entity_mut(first).remove::<Ink>()),
+    ("hard edges", |world, [first, ..]| _ = world.entity_mut(first).insert(hard())),
+    ("no light", |world, [first, ..]| _ = world.entity_mut(first).remove::<crate::PropLighting>()),
+    ("other labels", |world, [first, second, ..]| {
+        world.entity_mut(first).remove::<Posterize>();
+        world.entity_mut(second).insert(Posterize::default());
+    }),
+    ("no labels", |world, [_, second, ..]| _ = world.entity_mut(second).remove::<Posterize>()),
+    ("no fog", |world, [.., camera]| _ = world.entity_mut(camera).remove::<bevy::pbr::DistanceFog>()),
+    ("labels again", |world, [first, ..]| _ = world.entity_mut(first).insert(Posterize::default())),
+    ("another field", |world, [.., third, _]| _ = world.entity_mut(third).insert(Visibility::Visible)),
+    ("its labels", |world, [.., third, _]| _ = world.entity_mut(third).insert(Posterize::comic())),
+    ("apart", |world, [_, second, ..]| {
+        world.entity_mut(second).insert(Transform::from_xyz(1.2, 0.0, 0.0));
+    }),
+    ("fewer rays", |world, [.., camera]| _ = world.entity_mut(camera).insert(PropQuality::BALANCED)),
+    ("a new field", |world, [.., third, _]| {
+        let mut fields = world.resource_mut::<Assets<PlenOctree>>();
+        let basis = [Basis::Sh1, Basis::Sh9, Basis::Sh16][fields.len() % 3];
+        let field = fields.add(cube(basis, DVec3::new(0.2, 0.3, 0.7)));
+        let palette = FieldPalette::from_colors([Color::BLACK, Color::WHITE]).unwrap();
+        world.resource_mut::<Palettes>().insert(&field, palette);
+        world.entity_mut(third).insert((Prop(field), Visibility::Visible));
+    }),
+    ("gone", |world, [.., third, _]| _ = world.entity_mut(third).insert(Visibility::Hidden)),
+];
+
 /// Props that are drawn stay while pipelines are compiled for what is new: another prop before them, labels, colors,
 /// fog, light, transparent objects, and other settings of these. So does what they show.
 #[test]
 #[cfg(feature = "headless-lit")]
 fn props_stay_while_pipelines_are_compiled() {
-    let (mut headless, camera) = app(None, lit);
-    let world = headless.app.world_mut();
-    let first = world.query_filtered::<Entity, With<Prop>>().single(world).unwrap();
-    let field = world.get::<Prop>(first).unwrap().0.clone();
-    type Change = fn(&mut World, [Entity; 3]);
-    let changes: &[(&str, Change)] = &[
-        ("overlaps", |world, [_, second, _]| {
-            world.entity_mut(second).insert(Transform::from_xyz(0.2, 0.0, 0.8));
-        }),
-        ("colors", |world, [_, second, _]| {
-            let own = PaletteOverride::default().with(0, Color::WHITE);
-            world.entity_mut(second).insert((Recolor::default(), own));
-        }),
-        ("fog", |world, [.., camera]| {
-            world.entity_mut(camera).insert(bevy::pbr::DistanceFog::default());
-        }),
-        ("labels", |world, [first, ..]| {
-            world.entity_mut(first).insert(Posterize::default());
-        }),
-        ("light", |world, [first, ..]| {
-            world.entity_mut(first).insert(crate::PropLighting::toon(1.0));
-            world.spawn(DirectionalLight::default());
-        }),
-        ("ink", |world, [first, ..]| _ = world.entity_mut(first).insert(Ink::default())),
-        ("quality", |world, [.., camera]| _ = world.entity_mut(camera).insert(PropQuality::EXACT)),
-        ("tonemapping", |world, [.., camera]| {
-            world.entity_mut(camera).insert(bevy::core_pipeline::tonemapping::Tonemapping::Reinhard);
-        }),
-        ("filter", |world, [first, ..]| {
-            let filter = BilateralFilter { iterations: 0, ..default() };
-            world.entity_mut(first).insert(Posterize { filter, ..default() });
-        }),
-        ("soft labels", |world, [first, ..]| _ = world.entity_mut(first).insert(Posterize::soft())),
-        ("brightness", |world, [first, ..]| _ = world.entity_mut(first).insert(crate::PropLighting::default())),
-        ("no ink", |world, [first, ..]| _ = world.entity_mut(first).remove::<Ink>()),
-        ("hard edges", |world, [first, ..]| _ = world.entity_mut(first).insert(hard())),
-        ("no light", |world, [first, ..]| _ = world.entity_mut(first).remove::<crate::PropLighting>()),
-        ("other labels", |world, [first, second, _]| {
-            world.entity_mut(first).remove::<Posterize>();
-            world.entity_mut(second).insert(Posterize::default());
-        }),
-        ("no labels", |world, [_, second, _]| _ = world.entity_mut(second).remove::<Posterize>()),
-        ("no fog", |world, [.., camera]| _ = world.entity_mut(camera).remove::<bevy::pbr::DistanceFog>()),
-        ("labels again", |world, [first, ..]| _ = world.entity_mut(first).insert(Posterize::default())),
-        ("objects", |world, _| {
-            let mesh = world.resource_mut::<Assets<Mesh>>().add(Rectangle::default());
-            let material = StandardMaterial { alpha_mode: AlphaMode::Blend, ..default() };
-            let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
-            world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::from_xyz(0.0, 0.0, 1.5)));
-        }),
-    ];
-    let second = headless.app.world_mut().spawn((Prop(field), Transform::from_xyz(1.2, 0.0, 0.0))).id();
-    headless.wait_until_ready(Duration::from_secs(120)).unwrap();
-    assert_eq!(drawn_props(&mut headless), 2);
-    for (what, change) in changes {
+    let (mut headless, entities) = app_of_props();
+    let objects: Change = |world, _| {
+        let mesh = world.resource_mut::<Assets<Mesh>>().add(Rectangle::default());
+        let material = StandardMaterial { alpha_mode: AlphaMode::Blend, ..default() };
+        let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
+        world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::from_xyz(0.0, 0.0, 1.5)));
+    };
+    for (what, change) in CHANGES.iter().chain(&[("objects", objects)]) {
         if *what == "objects" {
-            headless.app.world_mut().entity_mut(camera).insert(PropPlacement::Display);
+            headless.app.world_mut().entity_mut(entities[3]).insert(PropPlacement::Display);
             headless.wait_until_ready(Duration::from_secs(120)).unwrap();
         }
         let mut frames = vec![features(&mut headless)];
-        change(headless.app.world_mut(), [first, second, camera]);
+        change(headless.app.world_mut(), entities);
         while frames.len() < 6 || !is_complete(&mut headless) {
             headless.update();
-            assert_eq!(drawn_props(&mut headless), 2, "{what}, frame {}", frames.len());
+            assert!(drawn_props(&mut headless) >= 2, "{what}, frame {}", frames.len());
             frames.push(features(&mut headless));
         }
         // What is there before and after is there in between.
@@ -264,6 +328,40 @@ fn props_stay_while_pipelines_are_compiled() {
         for (index, features) in frames.iter().enumerate() {
             assert!(features.is_superset(&stays), "{what}, frame {index}: {features:?}, expected {stays:?}");
         }
+    }
+}
+
+/// However long each pipeline takes, and whatever changes in the meantime. In the end, views look like those of an app
+/// whose pipelines are compiled at once.
+#[test]
+#[cfg(feature = "headless-lit")]
+fn nothing_goes_whichever_pipelines_are_compiled_first() {
+    for seed in 0..(ProptestConfig::default().cases / 32).max(1) {
+        let (mut at_once, entities) = app_of_props();
+        let (mut headless, same) = app_of_props();
+        assert_eq!(entities, same);
+        compile_in_background(&mut headless, seed);
+        let mut history = vec![];
+        for index in 0..24 {
+            let random = FixedHasher.hash_one((seed, index));
+            let (what, change) = CHANGES[random as usize % CHANGES.len()];
+            history.push(what);
+            change(at_once.app.world_mut(), entities);
+            change(headless.app.world_mut(), entities);
+            at_once.wait_until_ready(Duration::from_secs(120)).unwrap();
+            let wanted = (features(&mut at_once), drawn_props(&mut at_once));
+            for frame in 0..random / 64 % 5 {
+                let before = (features(&mut headless), drawn_props(&mut headless));
+                headless.update();
+                let now = (features(&mut headless), drawn_props(&mut headless));
+                let stays: HashSet<_> = before.0.intersection(&wanted.0).copied().collect();
+                let context = || format!("frame {frame} of {history:?}: {before:?}, {now:?}, expected {wanted:?}");
+                assert!(now.0.is_superset(&stays) && now.1 >= before.1.min(wanted.1), "{}", context());
+            }
+        }
+        headless.wait_until_ready(Duration::from_secs(120)).unwrap();
+        assert!(features(&mut headless) == features(&mut at_once), "{history:?}");
+        assert!(headless.capture().unwrap() == at_once.capture().unwrap(), "{history:?}");
     }
 }
 

@@ -4,6 +4,7 @@
 mod density;
 mod error;
 mod frame;
+mod histograms;
 mod leaves;
 mod npy;
 mod npz;

@@ -21,7 +21,7 @@ pub(crate) struct Bins<T = f64> {
     pub weights: Vec<T>,
 }
 
-/// An error that occurs when a histogram does not have one finite, non-negative weight per bin.
+/// An error that occurs when a histogram does not have one non-negative weight per bin, with a finite sum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum InvalidHistogram {
     /// The number of weights is not the number of bins.
@@ -38,6 +38,9 @@ pub enum InvalidHistogram {
         /// Index of the bin.
         bin: usize,
     },
+    /// The sum of the weights is infinite.
+    #[error("the sum of the weights is not finite")]
+    Sum,
 }
 
 impl Histograms {
@@ -48,7 +51,7 @@ impl Histograms {
     ///
     /// # Errors
     ///
-    /// Returns an error if a histogram does not have one finite, non-negative weight per bin.
+    /// Returns an error if a histogram does not have one non-negative weight per bin, with a finite sum.
     pub fn new(
         fine_bins: usize,
         fine: Vec<f64>,
@@ -88,6 +91,7 @@ impl Bins {
         }
         match weights.iter().position(|w| !w.is_finite() || *w < 0.0) {
             Some(bin) => Err(InvalidHistogram::Weight { bin }),
+            None if !weights.iter().sum::<f64>().is_finite() => Err(InvalidHistogram::Sum),
             None => Ok(Self { per_channel, weights }),
         }
     }

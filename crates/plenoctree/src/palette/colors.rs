@@ -18,7 +18,8 @@ use crate::save::replace_file;
 /// Palette files are JSON: `{"colors": [[r, g, b], ...], "weights": [...], "method": "fitted"}`. If a file has no
 /// weights, all colors have the same weight. `method` is left out unless the palette was extracted, and `ramps`, such
 /// as `[{"name": "red", "tones": [3, 0]}]`, and `shown`, such as `[[r, g, b], ...]`, if there are none. Channels of
-/// `colors` in files are from 0 to 1.
+/// `colors` in palette files are from 0 to 1. In other files, such as saved games, any [valid](Self::validate) palette
+/// can be stored with serde.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "PaletteJson")]
 #[cfg_attr(
@@ -42,7 +43,7 @@ pub struct Palette {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub ramps: Vec<Ramp>,
     /// Shown colors: what appears in place of each color, or nothing if the colors themselves appear. In encoded sRGB,
-    /// without limits.
+    /// without limits, unless they [look like bytes](Self::write) in a file.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     #[cfg_attr(feature = "bevy", reflect(default))]
     pub shown: Vec<[f64; 3]>,
@@ -252,7 +253,9 @@ impl Palette {
         let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
         let file: PaletteJson =
             serde_json::from_slice(json).map_err(|source| PaletteFileError::Json { path: path(), source })?;
-        file.try_into().map_err(|source| PaletteFileError::Invalid { path: path(), source })
+        Self::try_from(file)
+            .and_then(|palette| palette.validate_for_file().map(|()| palette))
+            .map_err(|source| PaletteFileError::Invalid { path: path(), source })
     }
 
     /// Writes a palette file, or replaces an existing one.
@@ -261,8 +264,9 @@ impl Palette {
     ///
     /// # Errors
     ///
-    /// Returns an error if the palette is invalid, if a channel is not from 0 to 1, or if writing fails. An existing
-    /// file is then unchanged.
+    /// Returns an error if the palette is invalid, if a channel of its own colors is not from 0 to 1, if its shown colors
+    /// look like bytes because all channels are integers from 0 to 255 and one is above 16, or if writing fails. An
+    /// existing file is then unchanged.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), PaletteFileError> {
         let path = path.as_ref();
         let name = || path.to_path_buf();
@@ -281,7 +285,7 @@ impl TryFrom<PaletteJson> for Palette {
         let weights = weights.unwrap_or_else(|| equal_weights(colors.len()));
         let (ramps, shown) = (ramps.unwrap_or_default(), shown.unwrap_or_default());
         let palette = Self { colors, weights, method, ramps, shown };
-        palette.validate_for_file()?;
+        palette.validate()?;
         Ok(palette)
     }
 }
@@ -297,7 +301,7 @@ mod tests {
     use super::*;
 
     fn parse(text: &str) -> Result<Palette, String> {
-        serde_json::from_str(text).map_err(|error| error.to_string())
+        Palette::from_json(text.as_bytes(), Path::new("x.json")).map_err(|error| error.to_string())
     }
 
     proptest! {
@@ -318,6 +322,18 @@ mod tests {
     fn files_may_have_a_byte_order_mark() {
         let json = b"\xef\xbb\xbf{\"colors\": [[0.0, 0.5, 1.0]]}";
         assert_eq!(Palette::from_json(json, Path::new("x.json")).unwrap().colors, [[0.0, 0.5, 1.0]]);
+    }
+
+    /// What palette files cannot hold, because it looks like a mistake of who wrote them.
+    #[test]
+    fn saved_games_keep_all_valid_palettes() {
+        let neon = Palette::new(vec![[2.0, -0.5, 0.5], [0.0; 3]]).unwrap();
+        let bright = Palette { shown: vec![[20.0, 0.0, 0.0], [0.0; 3]], ..Palette::new(vec![[0.5; 3]; 2]).unwrap() };
+        for palette in [neon, bright] {
+            let saved = serde_json::to_string(&palette).unwrap();
+            assert_eq!(serde_json::from_str::<Palette>(&saved).unwrap(), palette);
+            parse(&saved).unwrap_err();
+        }
     }
 
     #[test]

@@ -38,14 +38,15 @@ impl PaletteLabel {
 
     /// Returns the number of labels of a palette of `colors` colors. `blend_steps` is `d`, at least 1.
     pub fn count(colors: usize, blend_steps: u32) -> usize {
-        let (pairs, blends) = (colors * colors.saturating_sub(1) / 2, blend_steps.saturating_sub(1) as usize);
+        let pairs = colors.saturating_mul(colors.saturating_sub(1)) / 2;
+        let blends = blend_steps.saturating_sub(1) as usize;
         colors.saturating_add(pairs.saturating_mul(blends))
     }
 
     /// Returns the largest number of blend steps, `d`, with which a palette of `colors` colors has no more than
     /// [`Self::MAX_LABELS`] labels, but at least 1: 68 for 6 colors, 3 for 32 and 1 for 64.
     pub fn most_blend_steps(colors: usize) -> u32 {
-        let pairs = colors * colors.saturating_sub(1) / 2;
+        let pairs = colors.saturating_mul(colors.saturating_sub(1)) / 2;
         let blends = Self::MAX_LABELS.saturating_sub(colors).checked_div(pairs);
         blends.map_or(u32::MAX, |blends| blends as u32 + 1)
     }

@@ -8,17 +8,10 @@ use std::path::Path;
 
 use plenoctree::{
     palette::{Extraction, extract_from_samples},
-    sampling::Progress,
+    sampling::{Histograms, Progress},
 };
 
-use crate::{
-    console,
-    extraction::{self, histograms},
-    files,
-    number::counted,
-    result::Result,
-    swatches,
-};
+use crate::{console, extraction, files, number::counted, result::Result, swatches};
 
 /// Extracts, writes and prints the palette.
 pub fn run(arguments: &Arguments) -> Result {
@@ -27,7 +20,7 @@ pub fn run(arguments: &Arguments) -> Result {
     let out = arguments.out(path);
     arguments.check_outputs(&out, path)?;
     let extraction = if holds_histograms {
-        let extracted = extract_from_samples(&histograms::read(path)?, &[], &settings, &Progress::default());
+        let extracted = extract_from_samples(&Histograms::read(path)?, &[], &settings, &Progress::default());
         let extraction = extracted.map_err(|error| format!("{}: {error}", path.display()))?;
         extraction::warn_of_error(path, &settings, &extraction);
         extraction

@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use bevy::{
+    camera::visibility::NoFrustumCulling,
     diagnostic::{DiagnosticPath, DiagnosticsStore},
     prelude::*,
     render::{
@@ -16,6 +17,7 @@ use bevy_plenoctree::{
     Palettes, PlenOctreePlugin, Posterize, Prop, PropQuality, VOLUME_SPANS,
     headless::{Headless, exact_camera, pinhole_view},
 };
+use glam::DVec3;
 use image::{DynamicImage, RgbImage, RgbaImage};
 use plenoctree::{PlenOctree, UpAxis, camera::PinholeCamera, reference::Posterization};
 
@@ -29,6 +31,8 @@ const UPLOAD_TIMEOUT: Duration = Duration::from_secs(120);
 pub struct GpuRenderer {
     headless: Headless,
     up: UpAxis,
+    /// What is at the origin of the scene, in the field's frame: Bevy's positions are float32.
+    center: DVec3,
     prop: Entity,
     camera: Entity,
     field: Handle<PlenOctree>,
@@ -51,22 +55,26 @@ impl GpuRenderer {
         let target = headless.target();
         let world = headless.app.world_mut();
         let up = scene.field.up();
-        let side = scene.field.dense_bounds().map(|(low, high)| (high - low).max_element());
+        let bounds = scene.field.dense_bounds();
+        let side = bounds.map(|(low, high)| (high - low).max_element());
         let ink_width = side.map_or(Ink::default().width, |side| (INK_WIDTH * side) as f32);
+        let center = bounds.map_or(DVec3::ZERO, |(low, high)| (0.5 * low + 0.5 * high).as_vec3().as_dvec3());
+        let place = Transform::from_translation((up.to_y_up() * -center).as_vec3());
         let field = world.resource_mut::<Assets<PlenOctree>>().add(scene.field);
         let [r, g, b] = scene.background;
-        let prop = world.spawn(Prop(field.clone())).id();
+        let prop = world.spawn((Prop(field.clone()), place, NoFrustumCulling)).id();
         // The background is transparent, so that the alpha of a frame as trained is the field's opacity.
         let background = Color::srgb_u8(r, g, b).with_alpha(0.0);
         let camera = world.spawn((exact_camera(background), target, quality(scene.quality))).id();
         headless.wait_until_ready(UPLOAD_TIMEOUT)?;
-        Ok(Self { headless, up, prop, camera, field, ink_width })
+        Ok(Self { headless, up, center, prop, camera, field, ink_width })
     }
 
     /// Aims the camera.
     fn view(&mut self, camera: &PinholeCamera) {
         self.headless.resize(UVec2::new(camera.width, camera.height));
-        let view = pinhole_view(camera, self.up);
+        let camera = PinholeCamera { position: camera.position - self.center, ..*camera };
+        let view = pinhole_view(&camera, self.up);
         self.headless.app.world_mut().entity_mut(self.camera).insert(view);
     }
 

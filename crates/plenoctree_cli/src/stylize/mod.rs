@@ -9,6 +9,8 @@ mod report;
 
 pub use arguments::Arguments;
 
+use std::path::PathBuf;
+
 use glam::DVec3;
 use image::DynamicImage;
 use plenoctree::{
@@ -32,6 +34,10 @@ pub fn run(arguments: &Arguments) -> Result {
     let path = &field::or_default(arguments.field.as_deref());
     arguments.check(path)?;
     let cameras = arguments.cameras.as_ref().map(|path| transforms::read(path, arguments.size)).transpose()?;
+    if let Some(transforms) = &cameras {
+        let pictures: Vec<_> = transforms.pictures.iter().map(PathBuf::as_path).collect();
+        files::check_folder(&arguments.out, &pictures, output::writes)?;
+    }
     let given = arguments.palette.as_ref().map(Palette::read).transpose()?;
     let field = arguments.reading.load(path, arguments.quiet)?;
 

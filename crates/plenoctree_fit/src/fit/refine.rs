@@ -199,7 +199,13 @@ impl Grid {
     pub(super) fn of_field_or_error(field: &PlenOctree, largest: u32) -> Result<Self, FitError> {
         Self::of_field(field, largest).ok_or_else(|| FitError::Setting {
             setting: "field",
-            found: format!("{} leaves at depth {}, {}", field.leaves(), field.depth(), field.basis().name()),
+            found: format!(
+                "{} leaves at depth {}, {:?} of {}",
+                field.leaves(),
+                field.depth(),
+                field.activation(),
+                field.basis().name()
+            ),
             expected: if largest > Voxel::LARGEST {
                 "a cube of at most 10 levels, leaves at most 32 finest cells wide, a sigmoid of SH1, SH4, SH9 or SH16"
             } else {

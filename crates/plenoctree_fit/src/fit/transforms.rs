@@ -14,6 +14,8 @@ use serde_json::Value;
 use super::{error::FitError, find};
 use crate::file::{printable, without_mark};
 
+/// The key of a frame's pose.
+const MATRIX: &str = "transform_matrix";
 /// A key of the file, what was found there, and what was expected.
 pub(crate) type WrongValue = (&'static str, String, &'static str);
 
@@ -216,7 +218,7 @@ impl File {
 
     /// Returns an error about a value of a frame, which may be that of all frames.
     pub fn fault(&self, path: &Path, index: usize, (key, found, expected): WrongValue) -> FitError {
-        let is_own = self.frames[index].entry.get(key).is_some();
+        let is_own = key == MATRIX || self.frames[index].entry.get(key).is_some();
         let what = if is_own { format!("frames[{index}].{key}") } else { key.into() };
         FitError::found(path, what, found, expected)
     }
@@ -231,9 +233,9 @@ impl Frame {
 
     /// Returns the camera's pose, a pure rotation and a translation.
     pub fn pose(&self) -> Result<DMat4, WrongValue> {
-        const KEY: &str = "transform_matrix";
-        let wrong = |found| Err((KEY, found, "a 4x4 camera-to-world matrix, row by row, a rotation and a translation"));
-        let entry = &self.entry[KEY];
+        let wrong =
+            |found| Err((MATRIX, found, "a 4x4 camera-to-world matrix, row by row, a rotation and a translation"));
+        let entry = &self.entry[MATRIX];
         let rows = entry.as_array().map_or(&[][..], Vec::as_slice);
         let row = |row: &Value| Some(DVec4::from_array(Deserialize::deserialize(row).ok()?));
         let rows: Vec<Option<DVec4>> = rows.iter().map(row).collect();

@@ -122,8 +122,10 @@ impl Splats {
     /// Returns whether most Gaussians are so far from the origin that the digits of float32, which holds positions, are
     /// farther apart than these are wide. Only a capture that is exported nearer to the origin looks right.
     pub fn is_too_far(&self) -> bool {
-        let is_lost =
-            |gaussian: &&Gaussian| gaussian.position.abs().max_element() * f32::EPSILON > gaussian.scale.max_element();
+        let is_lost = |gaussian: &&Gaussian| {
+            let width = gaussian.scale.max_element();
+            width > 0.0 && gaussian.position.abs().max_element() * f32::EPSILON > width
+        };
         2 * self.gaussians.iter().filter(is_lost).count() > self.len()
     }
 
