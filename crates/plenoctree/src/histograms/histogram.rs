@@ -21,7 +21,7 @@ pub(crate) struct Bins<T = f64> {
     pub weights: Vec<T>,
 }
 
-/// An error that occurs when a histogram does not have one non-negative weight per bin, with a finite sum.
+/// An error that occurs when a histogram does not have one finite, non-negative weight per bin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum InvalidHistogram {
     /// The number of weights is not the number of bins.
@@ -38,9 +38,6 @@ pub enum InvalidHistogram {
         /// Index of the bin.
         bin: usize,
     },
-    /// The sum of the weights is infinite.
-    #[error("the sum of the weights is not finite")]
-    Sum,
 }
 
 impl Histograms {
@@ -51,7 +48,7 @@ impl Histograms {
     ///
     /// # Errors
     ///
-    /// Returns an error if a histogram does not have one non-negative weight per bin, with a finite sum.
+    /// Returns an error if a histogram does not have one finite, non-negative weight per bin.
     pub fn new(
         fine_bins: usize,
         fine: Vec<f64>,
@@ -91,9 +88,17 @@ impl Bins {
         }
         match weights.iter().position(|w| !w.is_finite() || *w < 0.0) {
             Some(bin) => Err(InvalidHistogram::Weight { bin }),
-            None if !weights.iter().sum::<f64>().is_finite() => Err(InvalidHistogram::Sum),
             None => Ok(Self { per_channel, weights }),
         }
+    }
+
+    /// Returns the share of each bin in the weight of all bins, even if that is beyond the range of float64.
+    pub fn shares(&self) -> impl Iterator<Item = f64> {
+        let total = |scale: f64| self.weights.iter().map(|weight| scale * weight).sum::<f64>();
+        // A power of two changes no digits.
+        let scale = if total(1.0).is_finite() { 1.0 } else { (-64f64).exp2() };
+        let total = total(scale);
+        self.weights.iter().map(move |weight| scale * weight / total)
     }
 
     /// Returns the color at the center of a bin.

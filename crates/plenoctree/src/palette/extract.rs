@@ -248,13 +248,11 @@ fn filter(
     settings: &ExtractionSettings,
     progress: &Progress,
 ) -> Result<Option<Clusters>, Canceled> {
-    let total = histograms.total_weight();
     let bins = &histograms.fine;
     let (points, weights): (Vec<_>, Vec<_>) = bins
-        .weights
-        .iter()
+        .shares()
         .enumerate()
-        .map(|(bin, weight)| (bins.center(bin), weight / total))
+        .map(|(bin, share)| (bins.center(bin), share))
         .filter(|(_, weight)| *weight > 0.0)
         .unzip();
     let centers = initial_centers(&histograms.coarse, settings.coarse_threshold);
@@ -269,8 +267,8 @@ fn filter(
 /// If there are none, returns the centers of the `1 / threshold` heaviest bins: the largest number of bins that could
 /// be above the threshold. In any case, returns at most [`ExtractionSettings::MAX_CLUSTERS`], the heaviest.
 pub(super) fn initial_centers(bins: &Bins, threshold: f64) -> Vec<[f64; 3]> {
-    let total: f64 = bins.weights.iter().sum();
-    let mut chosen: Vec<usize> = (0..bins.weights.len()).filter(|&i| bins.weights[i] / total > threshold).collect();
+    let mut chosen: Vec<usize> =
+        (0..).zip(bins.shares()).filter(|(_, share)| *share > threshold).map(|(i, _)| i).collect();
     let mut most = ExtractionSettings::MAX_CLUSTERS;
     if chosen.is_empty() {
         most = most.min((1.0 / threshold) as usize);
@@ -329,6 +327,20 @@ mod tests {
     const BLUE: [f64; 3] = [1.0 / 16.0, 1.0 / 16.0, 15.0 / 16.0];
     const BLACK: [f64; 3] = [1.0 / 16.0; 3];
     const GRAY: [f64; 3] = [3.0 / 16.0; 3];
+
+    /// Weights may be so large that their sum is infinite.
+    #[test]
+    fn the_scale_of_weights_does_not_matter() {
+        let found = |scale: f64| {
+            let weights =
+                [(RED, 4.0), (GREEN, 3.0), (BLUE, 2.0), (BLACK, 1.0)].map(|(color, weight)| (color, scale * weight));
+            extract_from_histograms(&histograms(&weights), &hull()).unwrap().palette
+        };
+        let (usual, largest) = (found(1.0), found(4e307));
+        let numbers = |palette: &Palette| [palette.colors.as_flattened(), &palette.weights].concat();
+        let pairs = numbers(&usual).into_iter().zip(numbers(&largest));
+        assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-12), "{usual:?}, {largest:?}");
+    }
 
     /// The corners of the cloud become the palette, heaviest first. A color inside adds its weight to the nearest
     /// corner.
