@@ -13,6 +13,10 @@ const CORNERS = array<u32, 6>(0u, 1u, 2u, 2u, 1u, 3u);
 @vertex
 fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Varying {
     let prop = instance & 0xffffu;
+    // Lists are not read where nothing is drawn.
+    if first_drawn > 0u {
+        return Varying(NOWHERE, prop, 0u);
+    }
     let squares = batches();
 #ifdef BATCHED
     // Those that may have pixels of the prop.
@@ -32,7 +36,7 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
 #endif
     let drawn = size_of_batch(count);
     let is_one = all(2u * drawn <= vec2(BATCH));
-    if first_drawn > 0u || count == 0u || (is_one && index % 6u >= 3u) {
+    if count == 0u || (is_one && index % 6u >= 3u) {
         return Varying(NOWHERE, prop, 0u);
     }
     var corners = CORNERS;

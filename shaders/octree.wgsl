@@ -109,13 +109,13 @@ fn is_inside(ray: Ray, walk: Walk) -> bool {
 
 // Moves to the neighbor of a box across the face where the ray exits. `far` is the last finest cell of the box in the
 // direction of the ray. Positions are integers, so that no cell is missed or visited twice, no matter how short the
-// path through it.
+// path through it. A ray that is not a number leaves, too: it would never end.
 fn leave(ray: Ray, walk: Walk, far: vec3<i32>) -> Walk {
     let beyond = far + 1;
     let planes = (vec3<f32>(beyond) - ray.origin) * ray.inverse;
     let exit = max(min(min(planes.x, planes.y), planes.z), walk.t);
     let next = clamp(vec3<i32>(ray.origin + exit * ray.direction), walk.position, far);
-    return Walk(select(next, beyond, planes <= vec3(exit)), exit);
+    return Walk(select(beyond, next, planes > vec3(exit)), exit);
 }
 
 // Returns the bits of a record that are set before bit `index` (below 64).

@@ -97,7 +97,7 @@ fn passage(center: vec3<f32>, observer: vec3<f32>) -> Passage {
         let planes = (vec3<f32>(beyond) - ray.origin) * ray.inverse;
         let exit = max(min(min(planes.x, planes.y), planes.z), enter);
         let next = max(vec3<i32>(ray.origin + exit * ray.direction), cell);
-        cell = select(next, beyond, planes <= vec3(exit));
+        cell = select(beyond, next, planes > vec3(exit));
         extend(&passage, exit - enter, bitcast<f32>(word & ~SIZE_BITS) * (exit - enter), is_own);
         enter = exit;
         is_own = false;
