@@ -8,7 +8,7 @@
 #import bevy_plenoctree::recolor::recolored_in_tint
 #import bevy_plenoctree::shade::shade_of_owner
 #import bevy_plenoctree::target::from_target
-#import bevy_plenoctree::view::{haze_prop, is_drawn, is_solid, labelings, props, share_before, view}
+#import bevy_plenoctree::view::{haze_prop, is_drawn, is_solid, labelings, nearest_drawn, props, share_before, view}
 
 // The results of the label pass. See `ink.wgsl`, too.
 @group(1) @binding(0) var shown: texture_2d<f32>;
@@ -141,8 +141,7 @@ fn around(pixel: vec2<u32>, owners: vec2<u32>, ink: vec2<f32>) -> Around {
 fn scene_behind(pixel: vec2<u32>, mixed: vec3<f32>) -> vec4<f32> {
     var solid = textureLoad(depth, pixel, 0);
     for (var i = 0; i < 8; i++) {
-        let at = vec2<u32>(neighbor(vec2<i32>(pixel), i));
-        solid = max(solid, select(0.0, textureLoad(depth, at, 0), is_drawn(at)));
+        solid = max(solid, textureLoad(depth, nearest_drawn(neighbor(vec2<i32>(pixel), i)), 0));
     }
     let has_depth = is_solid(solid);
     var behind = vec4(0.0);
@@ -210,7 +209,7 @@ fn pixel_of(pixel: vec2<u32>, owner: u32) -> vec2<i32> {
     var nearest = surface_at(vec2<i32>(pixel));
     var found = vec2<i32>(pixel);
     for (var i = 0; i < 8; i++) {
-        let at = clamp(neighbor(vec2<i32>(pixel), i), vec2(0), vec2<i32>(view.size) - 1);
+        let at = nearest_drawn(neighbor(vec2<i32>(pixel), i));
         let there = surface_at(at);
         if there.owner == owner && (nearest.owner != owner || there.distance < nearest.distance) {
             nearest = there;

@@ -10,8 +10,8 @@
 #import bevy_plenoctree::prop_ray::{Varying, position_of, ray_at}
 #import bevy_plenoctree::radiance::{Harmonics, harmonics, radiance}
 #import bevy_plenoctree::view::{
-    FAR_AWAY, Prop, distance_from_depth, is_in_haze, is_solid, owner_of, props, scene_depth_at, solid_depth_at_distance,
-    view,
+    FAR_AWAY, Prop, distance_from_depth, is_in_haze, is_solid, nearest_drawn, owner_of, props, scene_depth_at,
+    solid_depth_at_distance, view,
 }
 
 // The owners of pixels, from the outline pass.
@@ -110,31 +110,31 @@ fn scene_slope(pixel: vec2<i32>, here: f32) -> vec2<f32> {
 }
 
 fn depth_within(pixel: vec2<i32>) -> f32 {
-    return scene_depth_at(vec2<u32>(clamp(pixel, vec2(0), vec2<i32>(view.size) - 1)), 0u);
+    return scene_depth_at(vec2<u32>(nearest_drawn(pixel)), 0u);
 }
 #endif
 
-// Returns the depth of a pixel's neighbor if it has the same owner, or else an extrapolation from the opposite
-// neighbor.
-fn prop_value(at: vec2<i32>, opposite: vec2<i32>, own: u32, here: f32) -> f32 {
-    let there = textureLoad(depth, at, 0);
-    if owner_of(textureLoad(owner, at, 0)) == own && is_solid(there) {
-        return there;
-    }
-    let mirrored = textureLoad(depth, opposite, 0);
-    let is_own = owner_of(textureLoad(owner, opposite, 0)) == own && is_solid(mirrored);
-    return select(here, 2.0 * here - mirrored, is_own);
+// Returns the depth of a pixel where a prop is solid, or 0 if that is not the one with this number.
+fn solid_of(pixel: vec2<i32>, own: u32) -> f32 {
+    let at = nearest_drawn(pixel);
+    let solid = textureLoad(depth, at, 0);
+    let is_own = owner_of(textureLoad(owner, at, 0)) == own && is_solid(solid);
+    return select(0.0, solid, is_own && all(at == pixel));
+}
+
+// Returns the slope of a prop along one axis, as `slope` does. Where a neighbor sees something else, that from the other.
+fn slope_of_prop(before: f32, here: f32, after: f32) -> f32 {
+    let has = vec2(before, after) > vec2(0.0);
+    let first = select(here, 2.0 * here - after, has.y);
+    let second = select(here, 2.0 * here - before, has.x);
+    return slope(select(first, before, has.x), here, select(second, after, has.y));
 }
 
 // Returns how the depth of the prop that is solid at a pixel changes from pixel to pixel.
 fn prop_slope(pixel: vec2<i32>, own: u32, here: f32) -> vec2<f32> {
-    let left = neighbor(pixel, 0);
-    let right = neighbor(pixel, 1);
-    let up = neighbor(pixel, 2);
-    let down = neighbor(pixel, 3);
     return vec2(
-        slope(prop_value(left, right, own, here), here, prop_value(right, left, own, here)),
-        slope(prop_value(up, down, own, here), here, prop_value(down, up, own, here)),
+        slope_of_prop(solid_of(neighbor(pixel, 0), own), here, solid_of(neighbor(pixel, 1), own)),
+        slope_of_prop(solid_of(neighbor(pixel, 2), own), here, solid_of(neighbor(pixel, 3), own)),
     );
 }
 
@@ -151,7 +151,7 @@ fn start(pixel: vec2<i32>, index: u32, prop: Prop) -> f32 {
     var is_inside = true;
     var is_opaque = false;
     for (var i = 0; i < 9; i++) {
-        let at = clamp(pixel + vec2(i % 3 - 1, i / 3 - 1), vec2(0), vec2<i32>(view.size) - 1);
+        let at = nearest_drawn(pixel + vec2(i % 3 - 1, i / 3 - 1));
         let solid = textureLoad(depth, at, 0);
         let texel = textureLoad(owner, at, 0);
         let is_same = owner_of(texel) == index + 1u;

@@ -1,6 +1,6 @@
 // Writes the depth and the motion of props where they are solid, for everything that is drawn later and for effects.
 
-#import bevy_plenoctree::view::{buffer_from_depth, is_drawn, is_solid, view}
+#import bevy_plenoctree::view::{buffer_from_depth, is_drawn, is_solid, nearest_drawn, view}
 
 @group(1) @binding(1) var depth: texture_depth_2d;
 #ifdef MOTION
@@ -16,9 +16,10 @@ struct Fragment {
 
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
-    let pixel = vec2<u32>(position.xy) - view.corner;
+    let at = vec2<u32>(position.xy) - view.corner;
+    let pixel = nearest_drawn(vec2<i32>(at));
     let solid = textureLoad(depth, pixel, 0);
-    if !is_drawn(pixel) || !is_solid(solid) {
+    if !is_drawn(at) || !is_solid(solid) {
         discard;
     }
     return Fragment(

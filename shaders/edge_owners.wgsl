@@ -8,7 +8,7 @@
     MASK_OF_EDGES, MASK_OF_PROPS, RAYS, neighbor, ray_offset, sample_of, thinned, word_at, word_of,
 }
 #import bevy_plenoctree::view::{
-    SMOOTHS_NOTHING, SMOOTHS_SLITS, is_drawn, is_solid, owner_of, props, scene_depth_at, screen, unpack_owner, view,
+    SMOOTHS_NOTHING, SMOOTHS_SLITS, is_solid, nearest_drawn, owner_of, props, scene_depth_at, screen, unpack_owner, view,
 }
 
 // The layer, as the outline pass and the composite pass bind it.
@@ -46,10 +46,7 @@ fn is_at_slit(pixel: vec2<i32>) -> bool {
     var least = transmittance;
     let neighbors = select(0, 8, transmittance > LEAST_TRANSMITTANCE);
     for (var i = 0; i < neighbors; i++) {
-        let at = neighbor(pixel, i);
-        if is_drawn(vec2<u32>(at)) {
-            least = min(least, 1.0 - textureLoad(layer, at, 0).a);
-        }
+        least = min(least, 1.0 - textureLoad(layer, nearest_drawn(neighbor(pixel, i)), 0).a);
     }
     return 2.0 * least < transmittance;
 }
@@ -64,25 +61,23 @@ fn edge_at(pixel: vec2<i32>) -> Edge {
     let inside = select(0.0, MASK_OF_PROPS, solid_here > 0.0 || screen.view_posterize > 0u);
     var differs = false;
     for (var i = 0; i < 8; i++) {
-        let at = neighbor(pixel, i);
-        differs = differs || (is_drawn(vec2<u32>(at)) && unpack_owner(textureLoad(owner, at, 0)) != owned);
+        let at = nearest_drawn(neighbor(pixel, i));
+        differs = differs || unpack_owner(textureLoad(owner, at, 0)) != owned;
     }
     var ends = false;
     var other = 0u;
     var nearest = 0.0;
     let neighbors = select(0, 8, differs);
     for (var i = 0; i < neighbors; i++) {
-        let at = neighbor(pixel, i);
-        if is_drawn(vec2<u32>(at)) {
-            let there = owner_of(textureLoad(owner, at, 0));
-            ends = ends || there != own;
-            if there != own && smooths(there) {
-                let solid = textureLoad(depth, at, 0);
-                // Where neither is solid, the one that is drawn later is in front.
-                if solid > nearest || (solid == nearest && there > other) {
-                    other = there;
-                    nearest = solid;
-                }
+        let at = nearest_drawn(neighbor(pixel, i));
+        let there = owner_of(textureLoad(owner, at, 0));
+        ends = ends || there != own;
+        if there != own && smooths(there) {
+            let solid = textureLoad(depth, at, 0);
+            // Where neither is solid, the one that is drawn later is in front.
+            if solid > nearest || (solid == nearest && there > other) {
+                other = there;
+                nearest = solid;
             }
         }
     }
@@ -174,11 +169,12 @@ fn opacity_around(pixel: vec2<i32>, owners: vec2<u32>) -> Opacity {
     // A loop that runs once or never costs nothing where it runs for none of a group of pixels.
     let neighbors = select(0, 8, is_alone);
     for (var i = 0; i < neighbors; i++) {
-        let at = neighbor(pixel, i);
-        let offset = vec2<f32>(at - pixel);
+        let toward = neighbor(pixel, i);
+        let at = nearest_drawn(toward);
+        let offset = vec2<f32>(toward - pixel);
         let opacity = textureLoad(layer, at, 0).a;
         let there = owner_of(textureLoad(owner, at, 0));
-        is_alone = is_alone && is_drawn(vec2<u32>(at)) && there == select(0u, prop, opacity >= limit);
+        is_alone = is_alone && all(at == toward) && there == select(0u, prop, opacity >= limit);
         ends = ends || (opacity >= limit) != (center >= limit);
         let beside = select(opacity, 0.0, i > 3);
         along += beside * offset;
@@ -220,7 +216,7 @@ fn estimate(pixel: vec2<i32>, owners: vec2<u32>, around: Opacity, covered: u32) 
     // The nearest depth of the prop.
     var solid = 0.0;
     for (var i = 0; i < 9; i++) {
-        let at = pixel + vec2(i % 3 - 1, i / 3 - 1);
+        let at = nearest_drawn(pixel + vec2(i % 3 - 1, i / 3 - 1));
         let is_own = owner_of(textureLoad(owner, at, 0)) == max(owners.x, owners.y);
         solid = select(solid, max(solid, textureLoad(depth, at, 0)), is_own);
     }

@@ -1,7 +1,7 @@
 // One direction of the bilateral filter. See section 4 of the method, step 2.
 
 #import bevy_plenoctree::filter_texel::{pack, pack_filtered, unpack}
-#import bevy_plenoctree::view::{filters, view}
+#import bevy_plenoctree::view::{filters, nearest_drawn}
 
 @group(1) @binding(0) var source: texture_2d<u32>;
 
@@ -53,7 +53,7 @@ fn fragment(
 // `only` is the owner of pixels that count, or 0 if all do.
 fn add(sum: ptr<function, Sum>, at: vec2<i32>, lab: vec3<f32>, only: u32, closeness: f32, range: f32) {
     // Taps outside the viewport have no weight.
-    let inside = clamp(at, vec2(0), vec2<i32>(view.size) - 1);
+    let inside = nearest_drawn(at);
     let pixel = unpack(textureLoad(source, inside, 0));
     let difference = pixel.place - lab;
     let counts = all(inside == at) && (only == 0u || pixel.owner == only);

@@ -11,7 +11,7 @@
 #import bevy_plenoctree::labels::{MOVED, RAMPS, label_at, place_of, placed, ramp_of, shown_at}
 #import bevy_plenoctree::shade::{Light, shade_of_owner}
 #import bevy_plenoctree::target::over_scene
-#import bevy_plenoctree::view::{labelings, props, screen, view}
+#import bevy_plenoctree::view::{labelings, nearest_drawn, props, screen, view}
 
 // The results of the label pass. See `ink.wgsl`, too.
 @group(1) @binding(0) var shown: texture_2d<f32>;
@@ -34,9 +34,9 @@ const NO_LABEL: u32 = 0xffffffffu;
 
 // Returns the label of a pixel, as the label pass writes it, if a prop owns it.
 fn label_of(pixel: vec2<i32>, owner: u32) -> u32 {
-    let is_inside = all(pixel >= vec2(0)) && all(pixel < vec2<i32>(view.size));
-    let texel = textureLoad(labels, max(pixel, vec2(0)), 0).xy;
-    return select(NO_LABEL, texel.x, is_inside && texel.y == owner && texel.x >= 2u);
+    let at = nearest_drawn(pixel);
+    let texel = textureLoad(labels, at, 0).xy;
+    return select(NO_LABEL, texel.x, all(at == pixel) && texel.y == owner && texel.x >= 2u);
 }
 
 // Returns whether a pixel is at a border between labels of its owner.
@@ -102,17 +102,16 @@ struct Spline {
     support: array<vec4<f32>, 3>,
 }
 
-// `here` is the color of the pixel alone.
-fn spline_around(pixel: vec2<i32>, own: vec2<u32>, prop: u32, here: vec3<f32>, candidates: vec4<u32>) -> Spline {
+fn spline_around(pixel: vec2<i32>, own: vec2<u32>, prop: u32, candidates: vec4<u32>) -> Spline {
     var spline = Spline();
     for (var i = 0; i < 9; i++) {
         let offset = vec2(i % 3 - 1, i / 3 - 1);
         let there = label_of(pixel + offset, own.y);
-        let seen = placed(prop, unpack(textureLoad(filtered, pixel + offset, 0)));
+        let at = select(pixel, pixel + offset, there != NO_LABEL);
+        let value = placed(prop, unpack(textureLoad(filtered, at, 0)));
         let weight = select(vec2(0.75), vec2(0.125), offset != vec2(0));
         let slope = 0.5 * vec2<f32>(offset);
         let weights = vec3(weight.x * weight.y, slope.x * weight.y, weight.x * slope.y);
-        let value = select(here, seen, there != NO_LABEL);
         let is_there = select(vec4(0.0), vec4(1.0), vec4(there) == candidates);
         for (var k = 0; k < 3; k++) {
             spline.place[k] += weights[k] * value;
@@ -166,7 +165,7 @@ fn bordered(pixel: vec2<i32>, own: vec2<u32>, prop: u32, light: Light) -> vec3<f
     let around = labels_around(pixel, own);
     let is_label = around.candidates != vec4(NO_LABEL);
     let here = placed(prop, unpack(textureLoad(filtered, pixel, 0)));
-    var spline = spline_around(pixel, own, prop, here, around.candidates);
+    var spline = spline_around(pixel, own, prop, around.candidates);
     var places: array<vec3<f32>, 5>;
     for (var c = 0u; c < 5u; c++) {
         places[c] = place_of(prop, label_at(prop, candidate(around, own.x, c)));

@@ -5,7 +5,9 @@
 #define_import_path bevy_plenoctree::ink
 
 #import bevy_plenoctree::labels::{RAMPS, ramp_of}
-#import bevy_plenoctree::view::{colors, distance_from_depth, is_solid, labelings, props, scene_depth_at, view}
+#import bevy_plenoctree::view::{
+    colors, distance_from_depth, is_solid, labelings, nearest_drawn, props, scene_depth_at, view,
+}
 
 @group(1) @binding(2) var depth: texture_depth_2d;
 // The result of the label pass.
@@ -30,7 +32,7 @@ struct Surface {
 
 // Returns what a pixel sees.
 fn surface_at(pixel: vec2<i32>) -> Surface {
-    let at = clamp(pixel, vec2(0), vec2<i32>(view.size) - 1);
+    let at = nearest_drawn(pixel);
     let texel = textureLoad(labels, at, 0).xy;
     let solid = textureLoad(depth, at, 0);
     if is_solid(solid) {

@@ -139,6 +139,10 @@ fn hue(light: vec3<f32>) -> vec3<f32> {
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let center = center_at(vec2<i32>(position.xy));
+    if center.depth == 0.0 {
+        discard;
+        return vec4(0.0);
+    }
     let prop = center.prop;
     let at = position.xy + vec2<f32>(drawn.corner);
     let point = (view.world_from_view * vec4(center.point, 1.0)).xyz;

@@ -167,8 +167,8 @@ fn locate(ray: Ray, along: vec3<i32>) -> Cell {
             let part = part_of(record, position, shift);
             // An empty part has no record. Create one that holds its level.
             let empty = vec4(0u, 0u, 0u, ray.depth - shift - select(0u, 1u, part.is_octant));
-            let child = child_record(record.z + count(bits_before(record, part.bit)));
-            record = select(empty, child, part.is_filled);
+            let before = select(0u, count(bits_before(record, part.bit)), part.is_filled);
+            record = select(empty, child_record(record.z + before), part.is_filled);
         }
     }
 #endif

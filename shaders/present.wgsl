@@ -2,7 +2,7 @@
 
 #import bevy_plenoctree::edge::{bits_of, parts_of, word_at}
 #import bevy_plenoctree::target::to_target
-#import bevy_plenoctree::view::{is_drawn, view}
+#import bevy_plenoctree::view::{is_drawn, nearest_drawn, view}
 
 @group(1) @binding(0) var colors: texture_2d<f32>;
 #ifdef SAMPLES
@@ -20,10 +20,11 @@ struct Fragment {
 
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
-    let pixel = vec2<u32>(position.xy) - view.corner;
+    let at = vec2<u32>(position.xy) - view.corner;
+    let pixel = vec2<u32>(nearest_drawn(vec2<i32>(at)));
     let color = textureLoad(colors, pixel, 0);
     // Nothing is drawn where opacity is negative.
-    if !is_drawn(pixel) || color.a < 0.0 {
+    if !is_drawn(at) || color.a < 0.0 {
         discard;
     }
     let shown = vec4(to_target(color.rgb), color.a);

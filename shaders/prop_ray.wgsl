@@ -37,7 +37,7 @@ fn prop_ray(in: Varying) -> PropRay {
     // The first pixel is the ray of the grid.
     let pixel_of_gap = index % PIXELS_OF_GAP + 1u;
     let beyond = vec2(pixel_of_gap % SPACING, pixel_of_gap / SPACING);
-    pixel = (place / BATCH * GAPS_ACROSS + gap) * SPACING + beyond;
+    pixel = min((place / BATCH * GAPS_ACROSS + gap) * SPACING + beyond, view.size - 1u);
 #endif
     var seen = ray_at(props[in.prop], vec2<f32>(pixel) + 0.5);
 #ifndef SHADOW_MAP

@@ -44,17 +44,17 @@ fn distance_behind(center: Center, off: vec2<i32>, depth: f32) -> f32 {
     return center.point.z - place.x / place.y;
 }
 
-// Returns the disk around the point of a prop that a pixel of the drawn part of the view shows. Discards the pixel if no
-// light falls there.
+// Returns the disk around the point of a prop that a pixel of the drawn part of the view shows. Its depth is 0 if no light
+// falls there.
 fn center_at(pixel: vec2<i32>) -> Center {
     let owned = prop_of(textureLoad(owner, pixel, 0));
     let prop = max(owned, 1u) - 1u;
     if owned == 0u || lit[prop].bands == 0u {
-        discard;
+        return Center();
     }
     let solid = depth_near(pixel, owned);
     if solid == 0.0 {
-        discard;
+        return Center();
     }
     let per_pixel = vec2(2.0, -2.0) / view.main_pass_viewport.zw;
     let at = vec2<f32>(pixel) + 0.5 + vec2<f32>(drawn.corner) - view.main_pass_viewport.xy;

@@ -2,7 +2,7 @@
 #define_import_path bevy_plenoctree::shade
 
 #import bevy_plenoctree::edge::neighbor
-#import bevy_plenoctree::view::{prop_of, screen, view}
+#import bevy_plenoctree::view::{nearest_drawn, prop_of, screen}
 
 // The settings of a prop that lights fall on.
 struct Lit {
@@ -73,7 +73,7 @@ fn arriving(pixel: vec2<u32>, prop: u32) -> vec4<f32> {
         if lit_prop(at) == prop + 1u {
             break;
         }
-        at = vec2<u32>(clamp(neighbor(vec2<i32>(pixel), i), vec2(0), vec2<i32>(view.size) - 1));
+        at = vec2<u32>(nearest_drawn(neighbor(vec2<i32>(pixel), i)));
     }
     return textureLoad(light, at, 0);
 }

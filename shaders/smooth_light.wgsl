@@ -43,6 +43,10 @@ fn stepped(value: f32, slope: f32, bands: f32) -> f32 {
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = vec2<i32>(position.xy);
     let center = center_at(pixel);
+    if center.depth == 0.0 {
+        discard;
+        return vec4(0.0);
+    }
     let own = textureLoad(light, pixel, 0);
     if lit[center.prop].brightness == 0.0 {
         return own;

@@ -167,6 +167,11 @@ fn is_drawn(pixel: vec2<u32>) -> bool {
     return all(pixel < view.size);
 }
 
+// Returns the pixel of that part that is nearest to another pixel.
+fn nearest_drawn(pixel: vec2<i32>) -> vec2<i32> {
+    return clamp(pixel, vec2(0), vec2<i32>(view.size) - 1);
+}
+
 // Returns the depth for a value of the depth buffer. Nothing that the camera draws is farther than 0.
 fn depth_from_buffer(value: f32) -> f32 {
     return clamp((value - view.depth_range.x) / view.depth_range.y, 0.0, 1.0);
@@ -304,7 +309,9 @@ fn haze_steps(props: u32) -> u32 {
 // Packs one of `props` props and the depth of its haze between LEAST_DEPTH and LEAST_SOLID_DEPTH. The root keeps the
 // digits of small depths.
 fn pack_haze(prop: u32, depth: f32, props: u32) -> f32 {
-    let root = u32(f32(haze_steps(props)) * sqrt(sqrt(clamp(depth, 0.0, 1.0))));
+    let most = haze_steps(props);
+    // Roots of GPUs are not exact.
+    let root = min(u32(f32(most) * sqrt(sqrt(clamp(depth, 0.0, 1.0)))), most);
     return bitcast<f32>(LEAST_DEPTH_BITS + root * props + prop);
 }
 

@@ -105,11 +105,12 @@ impl SliceClock {
         };
         let nanoseconds = f64::from(queue.get_timestamp_period());
         readable.clone().slice(..).map_async(MapMode::Read, move |result| {
-            // If the device was lost, there is nothing to read, but the slice still has to count as done.
-            let ticks = result.ok().map(|()| {
+            // If the device was lost, there is nothing to read, and some drivers write nothing. The slice still has to count
+            // as done, and as work.
+            let ticks = result.ok().and_then(|()| {
                 let mapped = readable.slice(..).get_mapped_range();
                 let [begin, end] = [0, 8].map(|at| bytemuck::pod_read_unaligned::<u64>(&mapped[at..at + 8]));
-                end.saturating_sub(begin)
+                end.checked_sub(begin).filter(|ticks| *ticks > 0)
             });
             let measured = ticks.map_or_else(|| start.elapsed().as_secs_f64(), |t| t as f64 * nanoseconds * 1e-9);
             let _ = seconds.set(measured);

@@ -10,7 +10,9 @@ mod textures;
 pub(super) use cache::Comparison;
 #[cfg(feature = "shadows")]
 pub(super) use pass::Access;
-pub(super) use pass::{Blend, CachedResult, Clear, Draw, FirstGroup, Fragment, Pass, Place, Program};
+pub(super) use pass::{
+    Blend, CachedResult, Clear, Draw, FirstGroup, Fragment, Pass, Place, Program, VERTICES_OF_BATCH,
+};
 pub(super) use pipelines::Pipelines;
 pub(crate) use run::PropView;
 pub(super) use run::run;

@@ -257,6 +257,9 @@ pub(in crate::render) struct DepthTest {
     pub writes: bool,
 }
 
+/// The vertices of each batch. See `batches.wgsl`.
+pub(in crate::render) const VERTICES_OF_BATCH: u32 = 6;
+
 /// A draw call.
 pub(in crate::render) struct Draw {
     pub program: usize,
@@ -276,9 +279,9 @@ impl Draw {
         Self { program, field: None, vertices: 0..3, instance: 0 }
     }
 
-    /// Draws this many batches along each axis, if there are any. See `batches.wgsl`.
+    /// Draws this many batches along each axis, if there are any.
     pub fn of_batches(self, batches: UVec2) -> Option<Self> {
-        let vertices = 0..6 * batches.element_product();
+        let vertices = 0..VERTICES_OF_BATCH * batches.element_product();
         (!vertices.is_empty()).then_some(Self { vertices, ..self })
     }
 }

@@ -5,14 +5,16 @@
 //! where it says enough. It lists the others in batches, for each field. The *coverage* pass marches several rays through
 //! each of these, side by side: edges are thin, and graphics cards gain nothing by leaving out single pixels.
 
+use std::ops::Range;
+
 use bevy::{prelude::*, render::render_resource::CompareFunction};
 
 use super::volume::index_of;
 use crate::{
     gpu::field_definitions,
     render::{
-        frame::{CachedResult, Draw, FirstGroup, Pass, Place, Program, Slot},
-        plan::{Feature, Plan, batches},
+        frame::{CachedResult, Draw, FirstGroup, Pass, Place, Program, Slot, VERTICES_OF_BATCH},
+        plan::{BATCH, Feature, Plan, PlannedProp, batches},
         uniforms::Smooths,
     },
 };
@@ -90,11 +92,14 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
             let program = program.define_number("SAMPLES", Some(plan.samples));
             programs.push(program.define_all(field_definitions(prop.kind.shape)));
         });
-        // The pixels of all props of a field are drawn at once.
-        index_of(&mut fields, prop.field.id(), || {
-            let draw = Draw { field: Some(prop.field.clone()), instance: index as u32, ..Draw::triangle(program) };
-            draws.extend(draw.of_batches(batches(plan.rect.size)));
+        // The pixels of all props of a field are drawn at once: the rows of batches that have some.
+        let rows = rows_at_edges(prop, plan.rect.size);
+        let draw = index_of(&mut fields, prop.field.id(), || {
+            let field = Some(prop.field.clone());
+            draws.push(Draw { field, instance: index as u32, vertices: rows.clone(), ..Draw::triangle(program) });
         });
+        let drawn = &mut draws[draw].vertices;
+        *drawn = drawn.start.min(rows.start)..drawn.end.max(rows.end);
     }
     let place = if plan.composite_outlines() { Place::Posterize } else { Place::Layer };
     Pass {
@@ -107,4 +112,13 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
         draws,
         ..Pass::fullscreen(COVERAGE, place, Some(CachedResult::Layer), programs)
     }
+}
+
+/// Returns the vertices of the rows of batches that may have pixels at the edges of a prop: those of its box and the
+/// pixels next to it.
+fn rows_at_edges(prop: &PlannedProp, size: UVec2) -> Range<u32> {
+    let row = VERTICES_OF_BATCH * batches(size).x;
+    let low = prop.rect.min.y.saturating_sub(1) / BATCH;
+    let high = batches((prop.rect.max + 1).min(size)).y;
+    row * low..row * high
 }
