@@ -21,7 +21,7 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
 #ifdef BATCHED
     // Those that may have pixels of the prop.
     let list = 0u;
-    let first = vec2(props[prop].first_batch % squares.x, props[prop].first_batch / squares.x);
+    let first = props[prop].first_batch;
     let across = props[prop].batches_across;
 #else
     // Those of all props of a field.

@@ -3,7 +3,7 @@
 #import bevy_plenoctree::color::{decode, encode, tinted}
 #import bevy_plenoctree::edge::{FAINTEST, RAYS, bits_of, neighbor, parts_of, word_at}
 #import bevy_plenoctree::filter_texel::unpack
-#import bevy_plenoctree::ink::{depth, ink_at, inked, labels, surface_at}
+#import bevy_plenoctree::ink::{depth, ink_at, inked, surface_at}
 #import bevy_plenoctree::labels::{are_tones, assign, place_of_color, shown_opacity}
 #import bevy_plenoctree::recolor::recolored_in_tint
 #import bevy_plenoctree::shade::shade_of_owner
@@ -246,14 +246,12 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         discard;
     }
     var behind = center;
-    if !parts.is_center {
-        if around.is_known {
-            behind = around.behind;
-        } else if is_slit {
-            let color = scene_at(pixel);
-            let bare = vec4(decode(color), 0.0);
-            behind = Behind(bare, bare, color);
-        }
+    if !parts.is_center && around.is_known {
+        behind = around.behind;
+    } else if !parts.is_center && is_slit {
+        let color = scene_at(pixel);
+        let bare = vec4(decode(color), 0.0);
+        behind = Behind(bare, bare, color);
     }
     // What parts of props show, and how much what is behind them and the center count.
     var at_center = behind.shown;

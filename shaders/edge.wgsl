@@ -91,15 +91,15 @@ struct Parts {
     written: u32,
 }
 
-// Returns the parts of a pixel from the results of the outline pass and of the coverage pass. With SAMPLES, the target
+// Returns the parts of a pixel from the results of the outline pass and of the coverage pass. With TARGET_SAMPLES, the target
 // has the samples of the scene, and those in front of the owners keep their color.
 fn parts_of(owners: vec2<u32>, bits: vec4<u32>) -> Parts {
     // If the pixel has no owner, its center stands for everything that the other one does not cover.
     let has_own = owners.x > 0u;
     let own = countOneBits(select(0u, bits.r & ~bits.g, has_own));
     let other = countOneBits(select(bits.g, bits.g | (bits.b & ~bits.r), has_own));
-#ifdef SAMPLES
-    let rays = RAYS - countOneBits(bits.a) * RAYS / #{SAMPLES}u;
+#ifdef TARGET_SAMPLES
+    let rays = RAYS - countOneBits(bits.a) * RAYS / #{TARGET_SAMPLES}u;
     let written = ~bits.a;
     let is_center = !has_own;
 #else

@@ -5,7 +5,7 @@
 #import bevy_plenoctree::view::{is_drawn, nearest_drawn, view}
 
 @group(1) @binding(0) var colors: texture_2d<f32>;
-#ifdef SAMPLES
+#ifdef TARGET_SAMPLES
 // The results of the outline pass and of the coverage pass.
 @group(2) @binding(0) var outline: texture_2d<u32>;
 @group(2) @binding(1) var<storage, read> coverage: array<u32>;
@@ -13,7 +13,7 @@
 
 struct Fragment {
     @location(0) color: vec4<f32>,
-#ifdef SAMPLES
+#ifdef TARGET_SAMPLES
     @builtin(sample_mask) samples: u32,
 #endif
 }
@@ -28,7 +28,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Fragment {
         discard;
     }
     let shown = vec4(to_target(color.rgb), color.a);
-#ifdef SAMPLES
+#ifdef TARGET_SAMPLES
     let owners = textureLoad(outline, pixel, 0).xy;
     return Fragment(shown, parts_of(owners, bits_of(owners, coverage[word_at(pixel, view.size.x)])).written);
 #else

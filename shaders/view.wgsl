@@ -30,11 +30,11 @@ struct Prop {
     smooths: u32,
     // Transforms a point of the prop from clip space to where it was in the previous frame, in that of the viewport.
     previous_from_clip: mat4x4<f32>,
+    // The first of the batches that may have pixels of its box, and how many there are in a row.
+    first_batch: vec2<u32>,
+    batches_across: u32,
     // The number of its field and level, among those of props with smooth edges.
     field: u32,
-    // The first of the batches that may have pixels of its box, and how many there are in a row.
-    first_batch: u32,
-    batches_across: u32,
 }
 
 // Which edges of a posterized prop are smooth: none, its silhouette, or the edges of slits too.
@@ -132,7 +132,7 @@ struct Labels {
     first_place: u32,
     // 1 if borders between labels are smooth, otherwise 0.
     smooth_borders: u32,
-    // 1 if any shown color is not the source color, otherwise 0.
+    // 1 if what is not posterized is recolored, otherwise 0.
     recolors: u32,
     // How much nearer another label must be than that of the former frame. See `steadied` of `label.wgsl`.
     steadiness: f32,

@@ -62,6 +62,49 @@ struct Fragment {
 #endif
 }
 
+// What a ray sees of a prop.
+struct Marched {
+    // Premultiplied by opacity.
+    color: vec3<f32>,
+    opacity: f32,
+    transmittance: f32,
+    // Where the prop is solid along the ray. Negative if it is not.
+    solid: f32,
+    // Where the color comes from, on average, times opacity.
+    middle: f32,
+}
+
+fn march(seen: PropRay, span: vec2<f32>, prop: u32) -> Marched {
+    var h = harmonics(seen.unit);
+    var marched = Marched(vec3(0.0), 0.0, 1.0, -1.0, 0.0);
+    let stop = view.stop_transmittance;
+#ifndef OVERLAPPING
+    let limit = props[prop].solid_transmittance;
+#endif
+    var walk = begin(seen.ray, span.x);
+    loop {
+        if marched.transmittance < stop || has_ended(seen.ray, walk, span.y) {
+            break;
+        }
+        let crossing = next_leaf(seen.ray, &walk, span.y);
+        let sigma = density(crossing.leaf);
+        let depth = sigma * (crossing.exit - crossing.enter);
+        let before = marched.transmittance;
+        let weight = before * absorbed(depth);
+        marched.color += weight * radiance(crossing.leaf, &h);
+        marched.opacity += weight;
+#ifdef FOG
+        marched.middle += weight * crossing.enter;
+#endif
+        marched.transmittance *= exp(-depth);
+#ifndef OVERLAPPING
+        let inside = position_of(limit, before, crossing, sigma);
+        marched.solid = select(marched.solid, inside, marched.solid < 0.0 && marched.transmittance <= limit);
+#endif
+    }
+    return marched;
+}
+
 @fragment
 fn fragment(in: Varying) -> Fragment {
     let seen = prop_ray(in);
@@ -73,51 +116,20 @@ fn fragment(in: Varying) -> Fragment {
     if span.x >= span.y {
         discard;
     }
-
-    var h = harmonics(seen.unit);
-    var color = vec3(0.0);
-    var opacity = 0.0;
-    var transmittance = 1.0;
-    var solid = -1.0;
-#ifdef FOG
-    // Where the color comes from, on average, times opacity.
-    var middle = 0.0;
-#endif
-    let stop = view.stop_transmittance;
-#ifndef OVERLAPPING
-    let limit = props[in.prop].solid_transmittance;
-#endif
-    var walk = begin(seen.ray, span.x);
-    loop {
-        if transmittance < stop || has_ended(seen.ray, walk, span.y) {
-            break;
-        }
-        let crossing = next_leaf(seen.ray, &walk, span.y);
-        let sigma = density(crossing.leaf);
-        let depth = sigma * (crossing.exit - crossing.enter);
-        let weight = transmittance * absorbed(depth);
-        color += weight * radiance(crossing.leaf, &h);
-        opacity += weight;
-#ifdef FOG
-        middle += weight * crossing.enter;
-#endif
-        let before = transmittance;
-        transmittance *= exp(-depth);
-#ifndef OVERLAPPING
-        let inside = position_of(limit, before, crossing, sigma);
-        solid = select(solid, inside, solid < 0.0 && transmittance <= limit);
-#endif
-    }
+    let marched = march(seen, span, in.prop);
+    var color = marched.color;
+    var opacity = marched.opacity;
+    let solid = marched.solid;
     if opacity == 0.0 {
         discard;
     }
 #ifdef FOG
-    let haze = pack_haze(in.prop, solid_depth_at(seen, in.prop, middle / opacity), view.props);
+    let haze = pack_haze(in.prop, solid_depth_at(seen, in.prop, marched.middle / opacity), view.props);
 #else
     let haze = pack_haze(in.prop, 0.0, view.props);
 #endif
     // Leaves that were not reached take the average color of the others.
-    if transmittance < stop {
+    if marched.transmittance < view.stop_transmittance {
         color /= opacity;
         opacity = 1.0;
     }

@@ -169,7 +169,7 @@ pub(crate) fn on_cores<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 }
 
 /// Returns the number of cores, but one, which is left to the app, and at least 1.
-fn spare_cores() -> usize {
+pub(crate) fn spare_cores() -> usize {
     available_parallelism().map_or(1, |cores| cores.get() - 1).max(1)
 }
 

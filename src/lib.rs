@@ -64,10 +64,10 @@
 //! | `headless` | the module [`headless`]: an app without a window that captures frames | `image`, and the feature `camera` of `plenoctree` |
 //! | `headless-lit` | `headless::LitMeshPlugins`: lights and materials for that app | `headless`, and Bevy's `bevy_pbr`, `bevy_post_process` and `bevy_gizmos_render` |
 //! | `mesh` | [`surface_mesh`]: the surface of a field as a mesh, for colliders and navigation | Bevy's `bevy_mesh`, and the feature `mesh` of `plenoctree` |
-//! | `pack` | [`PackSaver`]: Bevy's asset processor packs `.npz` files and captures | the feature `write` of `plenoctree` |
+//! | `pack` | [`PackSaver`]: Bevy's asset processor packs `.npz` files and captures | `async-lock`, and the feature `write` of `plenoctree` |
 //! | `picking` | [`PropPickingPlugin`]: a backend for `bevy_picking` | Bevy's `bevy_picking` |
 //! | `shadows` | shadows that props cast, [`PropLighting`] for shadows and lights that fall on them, and fog | Bevy's `bevy_pbr` |
-//! | `splat` | [`CaptureLoader`]: captures of Gaussian splats as assets | `plenoctree_fit` and `serde` |
+//! | `splat` | [`CaptureLoader`]: captures of Gaussian splats as assets | `async-lock`, `plenoctree_fit` and `serde` |
 //!
 //! [`CaptureLoader`]: https://docs.rs/bevy_plenoctree/latest/bevy_plenoctree/struct.CaptureLoader.html
 //! [`PackSaver`]: https://docs.rs/bevy_plenoctree/latest/bevy_plenoctree/struct.PackSaver.html

@@ -3,7 +3,8 @@
 #[cfg(feature = "shadows")]
 pub use crate::PropLighting;
 pub use crate::{
-    BlendSpace, FieldPalette, Ink, PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize,
-    PosterizeView, Prop, PropHit, PropPath, PropPlacement, PropProgress, PropQuality, PropRayCast, PropState, PropTint,
-    RampAdjustment, Recolor, SolidOpacity, Wish, props_progress, props_ready,
+    BeforePalette, BlendSpace, BorderSmoothing, EdgeSmoothing, FieldPalette, Ink, InkBorders, InkColor, PaletteMethod,
+    PaletteOverride, PaletteReady, Palettes, PlenOctree, PlenOctreePlugin, Posterize, PosterizeView, Prop, PropHit,
+    PropPath, PropPlacement, PropProgress, PropQuality, PropRayCast, PropState, PropTint, RampAdjustment, Recolor,
+    SolidOpacity, Wish, props_progress, props_ready,
 };

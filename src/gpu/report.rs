@@ -241,10 +241,7 @@ pub(super) fn report_pipelines(
         inbox.drawn = frame.0;
     }
     let error = pipelines::failed(&cache).find(|(label, _)| pipelines::draws_props(label));
-    match (error, &inbox.pipeline_error) {
-        (None, None) | (Some(_), Some(_)) => {}
-        (error, _) => inbox.pipeline_error = error.map(|(label, error)| format!("{label}: {error}")),
-    }
+    inbox.pipeline_error = error.map(|(label, error)| format!("{label}: {error}"));
 }
 
 /// Forgets what was on a lost device.

@@ -11,7 +11,7 @@ use super::{constants, layout::FieldShape};
 
 /// Handles to the shaders, in the render world, by the names of their files. Includes shaders that are only imported by
 /// others, to keep them loaded.
-#[derive(Resource, Clone)]
+#[derive(Resource, Clone, Default)]
 pub(crate) struct Shaders(HashMap<&'static str, Handle<Shader>>);
 
 /// Lists shaders: their names, paths and sources.

@@ -1,6 +1,6 @@
 //! Systems that update fields on the GPU, every frame.
 
-use std::{thread::available_parallelism, time::Duration};
+use std::time::Duration;
 
 use bevy::{
     platform::{collections::HashSet, time::Instant},
@@ -22,6 +22,7 @@ use super::{
     report::{FieldReports, Report},
     upload::Uploader,
 };
+use crate::background::spare_cores;
 
 /// Extracts the fields that Bevy extracted while there was no device, and dropped: it extracts only those again that
 /// had reached the device that was lost. Removes those that apps removed: Bevy keeps them while there are handles.
@@ -53,12 +54,11 @@ pub(super) fn upload_levels(
     adapter: Res<RenderAdapterInfo>,
     mut last: Local<Option<Instant>>,
 ) {
-    let threads = available_parallelism().map_or(1, |cores| cores.get() - 1).max(1);
     let being_made: usize = fields.iter().map(|(_, field)| field.threads()).sum();
     let now = Instant::now();
     let last_frame = last.replace(now).map_or(Duration::ZERO, |last| now - last);
     let is_emulated = adapter.device_type == DeviceType::Cpu;
-    let mut allowance = Allowance::new(*budget, last_frame, is_emulated, threads.saturating_sub(being_made));
+    let mut allowance = Allowance::new(*budget, last_frame, is_emulated, spare_cores().saturating_sub(being_made));
     for (id, field) in fields.iter_mut() {
         let failure = field.advance(&uploader, &mut allowance);
         // The failure of a field itself is reported at the end of the frame.

@@ -131,18 +131,21 @@ pub(super) fn load(
             }
             PaletteSource::Expected(handle) | PaletteSource::Changed(handle) => {
                 if let Some(palette) = loaded.get(&*handle) {
-                    let current = by_field.get(field);
+                    let current = by_field.get_mut(field);
                     let mut new = FieldPalette::new(palette.clone());
                     // If a changed file has no shown colors and the same source colors, keep the shown colors.
                     if has_changed
                         && palette.shown.is_empty()
-                        && let Some(current) = current.filter(|current| current.palette().colors == palette.colors)
+                        && let Some(current) = current.as_ref().filter(|now| now.palette().colors == palette.colors)
                     {
                         new.show(current.shown().iter().copied());
                     }
                     let is_same =
                         |current: &FieldPalette| current.palette() == new.palette() && current.shown() == new.shown();
-                    if !current.is_some_and(is_same) {
+                    if let Some(current) = current.filter(|current| is_same(current)) {
+                        // It is that of the file from now on, even if it was extracted.
+                        current.extraction = None;
+                    } else {
                         by_field.insert(*field, new);
                         ready.write(PaletteReady { field: *field, sampled: None });
                         has_arrived = true;

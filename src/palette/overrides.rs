@@ -208,7 +208,7 @@ impl PaletteOverride {
     #[cfg(feature = "egui")]
     pub(crate) fn rename_ramp(&mut self, old: &str, new: &str) -> bool {
         let is_known = self.ramps.iter().any(|(name, _)| name == old);
-        if is_known {
+        if is_known && old != new {
             self.unset_ramp(new);
             self.ramps.iter_mut().filter(|(name, _)| name == old).for_each(|(name, _)| *name = new.into());
         }

@@ -77,7 +77,7 @@ pub struct FieldPalette {
     palette: Palette,
     shown: Vec<Color>,
     #[reflect(ignore)]
-    extraction: Option<ExtractionReport>,
+    pub(super) extraction: Option<ExtractionReport>,
 }
 
 impl FieldPalette {

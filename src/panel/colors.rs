@@ -14,13 +14,12 @@ pub(super) struct Colors<'a> {
     pub(super) shown: Vec<Color>,
     /// What the prop overrides of the palette, if edits are for the prop alone.
     pub(super) own: Option<&'a PaletteOverride>,
-    total: f64,
 }
 
 impl<'a> Colors<'a> {
     pub(super) fn new(palette: &'a FieldPalette, own: Option<&'a PaletteOverride>) -> Self {
         let shown = own.map_or_else(|| palette.shown().to_vec(), |own| own.shown(palette));
-        Self { palette, shown, own, total: palette.palette().weights.iter().sum() }
+        Self { palette, shown, own }
     }
 
     /// Returns the mean of the colors that a ramp shows.
@@ -32,8 +31,7 @@ impl<'a> Colors<'a> {
 
     /// Returns the share of a color in the weight of all, in percent.
     pub(super) fn share(&self, index: usize) -> f64 {
-        let weight = self.palette.palette().weights.get(index).copied().unwrap_or_default();
-        if self.total > 0.0 { 100.0 * weight / self.total } else { 0.0 }
+        100.0 * self.palette.palette().share(index)
     }
 
     /// Returns whether there is something to reset.

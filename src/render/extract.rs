@@ -300,7 +300,7 @@ pub(super) fn extract_props(
                 // Ink without lines keeps the camera's ink away.
                 ink: ink.filter(|_| posterize.is_some()).map(|ink| ExtractedInk::new(ink, colors).unwrap_or_default()),
                 stand_in,
-                lighting: lighting.filter(|_| cfg!(feature = "shadows")).map(|lighting| lighting.clamped()),
+                lighting: lighting.map(|lighting| lighting.clamped()),
             });
             Some(list.len() - 1)
         };

@@ -119,8 +119,8 @@ pub(super) fn plan_views(
     let mut rests = false;
     for (camera_entity, camera, resolution, (jitter, previous, has_oit), mut visible, mut view) in &mut views {
         let view = &mut *view;
-        let known = camera.zip(camera.and_then(|(_, camera, _)| drawn_viewport(camera, resolution)));
-        let Some(((extracted_view, camera, msaa), viewport)) = known.filter(|_| !visible.is_empty()) else {
+        let drawn = camera.zip(camera.and_then(|(_, camera, _)| drawn_viewport(camera, resolution)));
+        let Some(((extracted_view, camera, msaa), viewport)) = drawn.filter(|_| !visible.is_empty()) else {
             view.clear();
             view.shortage = None;
             continue;
@@ -153,14 +153,14 @@ pub(super) fn plan_views(
         passes::request(&ahead, &kinds, &mut pipelines, &cache);
         let Some((mut plan, passes)) = planned else {
             view.clear();
-            view.left_out = left_out;
+            (view.left_out, view.shortage) = (left_out, None);
             continue;
         };
         passes::request_alike(&mut plan, &kinds, &mut pipelines, &cache);
         (view.plan, view.left_out, view.is_drawn) = (plan, left_out, false);
         view.passes = passes;
         let PropView { plan, passes, textures, buffers, cached, .. } = view;
-        if plan.keeps_labels {
+        if plan.follows_last {
             textures.swap(Slot::Labels, Slot::FormerLabels);
             textures.swap(Slot::Depth(RaySet::Pixels), Slot::FormerDepth);
         }
@@ -228,11 +228,7 @@ fn plan(
                 plan.props.iter_mut().for_each(|prop| prop.is_left_out = lack.props.contains(&prop.entity));
                 return (Some((plan, passes)), if lack.is_any { LeftOut::More } else { left_out });
             }
-            Some(Feature::Base) => {
-                // No labels are drawn that the next frame may keep.
-                let plan = Plan { former: None, keeps_labels: false, ..plan };
-                return (Some((plan, vec![])), LeftOut::More);
-            }
+            Some(Feature::Base) => return (None, LeftOut::More),
             Some(feature) => {
                 missing.push(feature);
                 let fails = feature == Feature::Stages && lack.fails;

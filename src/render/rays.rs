@@ -112,10 +112,7 @@ impl Pose {
             return None;
         }
         let size = viewport.as_dvec2();
-        let corners =
-            (0..8).map(|corner| DVec3::new((corner & 1) as f64, (corner >> 1 & 1) as f64, (corner >> 2) as f64));
-        let near =
-            corners.map(|corner| -view_from_box.transform_point3(corner).z).fold(f64::INFINITY, f64::min).max(begin);
+        let near = corners(view_from_box.into()).map(|corner| -corner.z).fold(f64::INFINITY, f64::min).max(begin);
         let middle = clip_from_box * DVec4::new(0.5, 0.5, 0.5, 1.0);
         let reference =
             if middle.w > 0.0 { 0.5 * (1.0 + DVec2::new(middle.x, -middle.y) / middle.w) * size } else { 0.5 * size };
@@ -173,6 +170,12 @@ pub(super) fn near_plane(clip_from_view: Mat4) -> f64 {
     (w.z - w.w) / (z.z - z.w)
 }
 
+/// Returns the coefficients by which shaders turn distances along the view axis into depths, and back.
+pub(super) fn depth_from_distance(clip_from_view: Mat4) -> Vec4 {
+    let [z, w] = [clip_from_view.z_axis, clip_from_view.w_axis];
+    Vec4::new(z.z, w.z, z.w, w.w)
+}
+
 /// Returns the rectangle of pixels that the unit cube can cover.
 pub(super) fn covered(clip_from_box: DMat4, size: UVec2) -> URect {
     let whole = URect::from_corners(UVec2::ZERO, size);
@@ -185,10 +188,10 @@ pub(super) fn covered(clip_from_box: DMat4, size: UVec2) -> URect {
     }
 }
 
-/// Returns the corners of the unit cube in clip space.
-fn corners(clip_from_box: DMat4) -> impl Iterator<Item = DVec4> {
+/// Returns the corners of the unit cube in another space.
+fn corners(from_box: DMat4) -> impl Iterator<Item = DVec4> {
     let corner = |index: u32| UVec3::new(index & 1, index >> 1 & 1, index >> 2).as_dvec3();
-    (0..8).map(move |index| clip_from_box * corner(index).extend(1.0))
+    (0..8).map(move |index| from_box * corner(index).extend(1.0))
 }
 
 /// Returns the corners of the pixels that the unit cube can cover, which may be out of view, or `None` if a part of the

@@ -35,11 +35,11 @@ pub(super) struct PropUniform {
     tint: Vec3,
     smooths: u32,
     previous_from_clip: Mat4,
+    /// The first of the batches that may have pixels of its box, and how many there are in a row.
+    pub first_batch: UVec2,
+    pub batches_across: u32,
     /// The number of its field and level, among those of props with smooth edges.
     pub field: u32,
-    /// The first of the batches that may have pixels of its box, and how many there are in a row.
-    pub first_batch: u32,
-    pub batches_across: u32,
 }
 
 /// Which edges of a prop are smooth. Matches `view.wgsl`.
@@ -89,7 +89,6 @@ impl PropUniform {
             reference: rays.reference.as_vec2(),
             near: rays.near as f32,
             solid_transmittance: solid_transmittance(prop.solid, quality),
-            tint: Vec3::ONE,
             ..default()
         }
     }
@@ -301,7 +300,7 @@ pub(super) struct PlanValues {
     pub props: Vec<PropUniform>,
     pub filters: Vec<FilterUniform>,
     pub labelings: Vec<LabelsUniform>,
-    /// A number that is different for different colors of the view's palettes.
+    /// A number that is different for different colors of the view's palettes, and for other pairs of ramps with ink.
     pub palettes: u64,
 }
 

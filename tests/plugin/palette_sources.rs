@@ -143,6 +143,12 @@ fn an_extracted_palette_can_be_saved_and_shipped() {
     assert_eq!(files.heard(), [PaletteReady { field: field.id(), sampled: Some(SampleOrigin::Cpu) }]);
     extracted.save(files.folder.path().join("x.palette.json")).unwrap();
 
+    // Once it comes from a file, a reloaded field does not replace it.
+    let saved = files.load::<Palette>("x.palette.json");
+    files.app.world_mut().resource_mut::<Palettes>().insert_handle(&field, saved);
+    let id = field.id();
+    files.run_until("the file", move |world| world.resource::<Palettes>().get(id).unwrap().extraction().is_none());
+
     files.restart();
     let field = files.spawn();
     let shipped = files.palette(&field);

@@ -10,10 +10,10 @@ use crate::{hex, text};
 pub fn lines(palette: &Palette) -> String {
     let line = |index: usize| {
         let code = hex::format(hex::quantize(palette.colors[index]));
-        format!("{index:2}  {code}  {:5.1}%\n", share(palette, index))
+        format!("{index:2}  {code}  {:5.1}%\n", 100.0 * palette.share(index))
     };
     let group = |Group { name, tones }: Group| {
-        let total: f64 = tones.iter().map(|tone| share(palette, *tone)).sum();
+        let total: f64 = tones.iter().map(|tone| 100.0 * palette.share(*tone)).sum();
         let head = name.map(|name| format!("{name}, {total:.1}%\n")).unwrap_or_default();
         head + &tones.into_iter().map(line).collect::<String>()
     };
@@ -74,21 +74,10 @@ fn swatch(image: &mut RgbImage, palette: &Palette, tone: usize, (left, top): (u3
     }
     let luma = color.iter().zip([0.3, 0.59, 0.11]).map(|(c, share)| f32::from(*c) * share).sum::<f32>();
     let ink = if luma > 128.0 { [0; 3] } else { [255; 3] };
-    let lines = [tone.to_string(), hex::format(color), format!("{:.1}%", share(palette, tone))];
+    let lines = [tone.to_string(), hex::format(color), format!("{:.1}%", 100.0 * palette.share(tone))];
     for (line, content) in (0..).zip(&lines) {
         text::write(image, content, (left + 8, top + 8 + 24 * line), Rgb(ink));
     }
-}
-
-/// Returns a color's share of all weight, in percent. Without any weight, all shares are the same.
-fn share(palette: &Palette, index: usize) -> f64 {
-    // Weights may be so large that their sum is not finite.
-    let most = palette.weights.iter().copied().fold(0.0, f64::max);
-    if most == 0.0 {
-        return 100.0 / palette.colors.len() as f64;
-    }
-    let total: f64 = palette.weights.iter().map(|weight| weight / most).sum();
-    100.0 * palette.weights.get(index).map_or(0.0, |weight| weight / most) / total
 }
 
 #[cfg(test)]
@@ -96,19 +85,6 @@ mod tests {
     use plenoctree::palette::Ramp;
 
     use super::*;
-
-    #[test]
-    fn shares_add_up() {
-        for (weights, expected) in
-            [([3.0, 1.0], [75.0, 25.0]), ([1.5e308, 1.5e308], [50.0, 50.0]), ([0.0, 0.0], [50.0, 50.0])]
-        {
-            let mut palette = Palette::new(vec![[0.1; 3], [0.9; 3]]).unwrap();
-            palette.weights = weights.into();
-            for (index, expected) in expected.into_iter().enumerate() {
-                assert!((share(&palette, index) - expected).abs() < 1e-9, "{palette:?}");
-            }
-        }
-    }
 
     /// A ramp of one color may have a long name.
     #[test]

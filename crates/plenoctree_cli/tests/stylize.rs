@@ -191,6 +191,13 @@ fn nothing_is_overwritten() {
     let message = fail(&["--sampling", "cpu", "--background", "ff0000", "--cameras", text(&cameras)]);
     assert!(message.contains("frame_000.original.png: would be overwritten"), "{message}");
     assert_eq!(fs::read(&frame).unwrap(), before);
+
+    // What cannot be written is found before anything is drawn.
+    fs::remove_file(out.join("report.json")).unwrap();
+    fs::create_dir(out.join("report.json")).unwrap();
+    let message = fail(&["--sampling", "cpu", "--background", "ff0000"]);
+    assert!(message.contains("report.json: is a folder"), "{message}");
+    assert_eq!(fs::read(&frame).unwrap(), before);
 }
 
 /// Wherever a field is, the GPU shows it as the reference does.

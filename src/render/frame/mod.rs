@@ -11,7 +11,7 @@ pub(super) use cache::Comparison;
 #[cfg(feature = "shadows")]
 pub(super) use pass::Access;
 pub(super) use pass::{
-    Blend, CachedResult, Clear, Draw, FirstGroup, Fragment, Pass, Place, Program, VERTICES_OF_BATCH,
+    BOX, Blend, CachedResult, Clear, Draw, FirstGroup, Fragment, Pass, Place, Program, VERTICES_OF_BATCH,
 };
 pub(super) use pipelines::Pipelines;
 pub(crate) use run::PropView;

@@ -74,8 +74,10 @@ impl Pass {
         self.reads.iter().map(|slots| (Access::Read, &slots[..])).chain(stores)
     }
 
+    /// Returns whether it writes its depth texture, if only by clearing it: perhaps there is nothing to draw.
     pub fn writes_depth(&self) -> bool {
-        self.depth.is_some() && self.programs.iter().any(|program| program.depth_test.writes)
+        let writes = self.programs.is_empty() || self.programs.iter().any(|program| program.depth_test.writes);
+        self.depth.is_some() && writes
     }
 
     /// Returns the pixels that are drawn of its attachments: of textures of the target's size the drawn part of the
@@ -103,8 +105,8 @@ pub(in crate::render) enum Access {
     Store,
 }
 
-/// Where in the frame a pass runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+/// Where in the frame a pass runs: one place after another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(in crate::render) enum Place {
     /// Between the opaque main pass and objects that transmit light.
     Layer,
@@ -188,9 +190,10 @@ pub(in crate::render) struct Program {
     /// How it writes to each color attachment. Missing ones replace it.
     pub blends: Vec<Blend>,
     pub depth_test: DepthTest,
-    /// Whether only back faces are drawn.
-    pub back_faces: bool,
 }
+
+/// The name of the vertex shader that draws boxes of props.
+pub(in crate::render) const BOX: &str = "box";
 
 /// A fragment shader.
 #[derive(Clone, PartialEq, Eq, Hash)]
@@ -210,7 +213,6 @@ impl Program {
             reads: true,
             blends: vec![],
             depth_test: DepthTest { compare: CompareFunction::Always, writes: false },
-            back_faces: false,
         }
     }
 

@@ -14,7 +14,7 @@ use bevy::{
 
 use super::{
     cache::Comparison,
-    pass::{Access, Blend, CachedResult, Clear, FirstGroup, Fragment, Pass, Program},
+    pass::{Access, BOX, Blend, CachedResult, Clear, FirstGroup, Fragment, Pass, Program},
     slot::{DEPTH_FORMAT, Slot},
 };
 use crate::{
@@ -26,7 +26,7 @@ use crate::{
 };
 
 /// The pipelines of all passes, created when a view first needs them.
-#[derive(Resource)]
+#[derive(Resource, Default)]
 pub(in crate::render) struct Pipelines {
     shaders: Shaders,
     ids: HashMap<Key, CachedRenderPipelineId>,
@@ -71,17 +71,7 @@ fn stage_name(shader: &Handle<Shader>) -> String {
 
 impl Pipelines {
     pub fn new(shaders: &Shaders, lights: Option<BindGroupLayoutDescriptor>) -> Self {
-        let (ids, importing, waiting) = default();
-        Self {
-            shaders: shaders.clone(),
-            ids,
-            importing,
-            waiting,
-            lights,
-            comparison: None,
-            #[cfg(test)]
-            held_back: default(),
-        }
+        Self { shaders: shaders.clone(), lights, ..default() }
     }
 
     /// Returns the pipelines that were requested.
@@ -268,7 +258,8 @@ impl Pipelines {
                 entry_point: Some("vertex".into()),
                 ..default()
             },
-            primitive: PrimitiveState { cull_mode: program.back_faces.then_some(Face::Front), ..default() },
+            // Each pixel of a box is drawn once, even from inside it.
+            primitive: PrimitiveState { cull_mode: (program.vertex == BOX).then_some(Face::Front), ..default() },
             fragment: Some(FragmentState {
                 shader: match &program.fragment {
                     Fragment::Named(name) => self.shaders.get(name),

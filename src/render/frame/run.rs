@@ -58,14 +58,6 @@ impl PropView {
         self.shortage.as_ref().map(|(error, _)| error)
     }
 
-    /// Returns the props that are drawn, as entities of the main world.
-    #[cfg(feature = "shadows")]
-    pub(in crate::render) fn drawn_props(&self) -> impl Iterator<Item = Entity> {
-        let draws_layer = |pass: &&Pass| pass.writes.iter().any(|slot| matches!(slot, Slot::Color(_)));
-        let draws = self.passes.iter().filter(draws_layer).flat_map(|pass| &pass.draws);
-        draws.filter_map(|draw| Some(draw.prop_of(&self.plan)?.entity))
-    }
-
     /// Lets the view draw nothing in this frame, and forgets what it drew.
     pub(in crate::render) fn clear(&mut self) {
         self.plan = default();

@@ -9,11 +9,11 @@ use std::ops::Range;
 
 use bevy::{prelude::*, render::render_resource::CompareFunction};
 
-use super::volume::index_of;
+use super::volume::{index_of, through};
 use crate::{
     gpu::field_definitions,
     render::{
-        frame::{CachedResult, Draw, FirstGroup, Pass, Place, Program, Slot, VERTICES_OF_BATCH},
+        frame::{CachedResult, Draw, FirstGroup, Pass, Place, Program, RaySet, Slot, VERTICES_OF_BATCH},
         plan::{BATCH, Feature, Plan, PlannedProp, batches},
         uniforms::Smooths,
     },
@@ -85,7 +85,7 @@ fn coverage_of(plan: &Plan, pixels: Pixels) -> Pass {
     let (mut programs, mut draws, mut shapes, mut fields) = (vec![], vec![], vec![], vec![]);
     for (index, prop) in plan.props.iter().enumerate().filter(|(_, prop)| prop.smooths != Smooths::Nothing) {
         let program = index_of(&mut shapes, prop.kind.shape, || {
-            let program = Program { tree: Some(prop.kind.shape.into()), vertex: "batches", ..Program::new("coverage") };
+            let program = through(Program::new("coverage"), RaySet::Batches, prop.kind.shape);
             let program = program.define_if(pixels == Pixels::OfOwners, "OF_OWNERS");
             let program = program.define_if(pixels == Pixels::OfOthers, "OF_OTHERS");
             let program = program.define_number("PART", Some((pixels == Pixels::OfOwners).into()));

@@ -50,7 +50,7 @@ pub(super) fn composite(plan: &Plan) -> Option<Pass> {
 
 /// The bilateral filter: in each iteration along rows, then along columns.
 pub(super) fn filter(plan: &Plan) -> Vec<Pass> {
-    let iterations = if plan.posterizes { plan.iterations } else { 0 };
+    let iterations = plan.iterations;
     let directions = [(Slot::Even, Slot::Odd), (Slot::Odd, Slot::Even)];
     let pass = |iteration, (from, to)| {
         let is_last = iteration + 1 == iterations && to == Slot::Even;
@@ -114,7 +114,8 @@ pub(super) fn finish(plan: &Plan) -> Option<Pass> {
     let is_resolved = plan.samples > 1 && plan.hidden_samples().is_none() && !plan.posterizes_view;
     let program = |name| showing_labels(name, plan).define_if(plan.has_ink, "INK");
     let inside = if plan.finishes() { program("finish") } else { Program::new("copy") };
-    let at_edges = program("blend").define_number("SAMPLES", plan.hidden_samples()).define_if(is_resolved, "RESOLVED");
+    let at_edges =
+        program("blend").define_number("TARGET_SAMPLES", plan.hidden_samples()).define_if(is_resolved, "RESOLVED");
     // Only where the mask of edges has props or, with `AT_EDGES`, their edges.
     let where_mask_is_nearer = |program: Program| program.depth_test(CompareFunction::Less, false);
     let mut programs = vec![if plan.smooths { where_mask_is_nearer(inside) } else { inside.where_props_are() }];
@@ -157,7 +158,7 @@ pub(super) fn present(plan: &Plan) -> Vec<Pass> {
     // Until custom stages or a posterized view decide what is shown, samples that show something in front of a prop
     // keep their color.
     let hidden = plan.hidden_samples().filter(|_| plan.smooths);
-    let colors = Program::new("present").define_all(space(plan.target.space)).define_number("SAMPLES", hidden);
+    let colors = Program::new("present").define_all(space(plan.target.space)).define_number("TARGET_SAMPLES", hidden);
     let depth = Program::new("depth").define_if(plan.has_motion, "MOTION").depth_test(CompareFunction::Greater, true);
     // The colors are already composited: they are replaced, and alpha is blended over the target's alpha.
     let replace = Blend::With(BlendState { color: BlendComponent::REPLACE, alpha: BlendComponent::OVER });

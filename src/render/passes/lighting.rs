@@ -35,7 +35,7 @@ use crate::{
     render::{
         extract::{ExtractedProps, VisibleProps},
         frame::{Clear, Draw, FirstGroup, Pass, Pipelines, Place, Program, PropView, Slot},
-        plan::{Feature, Plan},
+        plan::{Feature, Plan, PlannedProp},
         shades::Shades,
         uniforms::LabelsUniform,
     },
@@ -162,8 +162,8 @@ const MOST_SMOOTHED: f64 = 0.07;
 /// Returns how lights fall on the props of a view, and finds their shades.
 pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps, shades: &mut Shades) -> Vec<LitUniform> {
     shades.begin();
-    let mut of = |at: usize, index: usize| {
-        let prop = extracted.props.get(index)?;
+    let mut of = |at: usize, planned: &PlannedProp| {
+        let prop = extracted.props.get(planned.index)?;
         let PropLighting { shadows, tint, bands, self_shadow_distance, brightness, rim } = prop.lighting?;
         let box_from_world = DMat4::from(prop.pose.box_from_world());
         let smoothed = (SMOOTHED_CELLS / prop.pose.cells_across()).clamp(LEAST_SMOOTHED, MOST_SMOOTHED);
@@ -184,8 +184,7 @@ pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps, shad
             return Some(unlabeled);
         };
         // The layer of a posterized view already has the tints of its props.
-        let is_tinted = plan.props.get(at).is_some_and(|prop| prop.is_posterized);
-        let tint = if is_tinted { prop.tint } else { Vec3::ONE };
+        let tint = if planned.is_posterized { prop.tint } else { Vec3::ONE };
         let palette = extracted.colors.list.get(first_color as usize..)?.get(..2 * colors as usize)?;
         // From the darkest band to the brightest one, or to the prop's own light.
         let factors: Vec<f32> = (0..=if brightness > 0.0 { 2 * bands } else { bands })
@@ -197,7 +196,7 @@ pub(in crate::render) fn lit_props(plan: &Plan, extracted: &ExtractedProps, shad
         Some(LitUniform { first_shade, labels, ..unlabeled })
     };
     let props = plan.props.iter().enumerate();
-    props.map(|(at, prop)| of(at, prop.index).filter(|_| prop.kind.is_lit).unwrap_or_default()).collect()
+    props.map(|(at, prop)| of(at, prop).filter(|_| prop.kind.is_lit).unwrap_or_default()).collect()
 }
 
 pub(super) fn plugin(render_app: &mut SubApp) {

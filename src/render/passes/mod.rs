@@ -59,16 +59,12 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
             RaySet::Pixels => {}
         }
     }
-    let (first, composite) = match plan.composite_outlines() {
-        true => (labels::composite(plan), None),
-        false => (edges::outline(plan), labels::composite(plan)),
-    };
-    passes.extend(first);
+    passes.extend(edges::outline(plan));
+    passes.extend(labels::composite(plan));
     passes.extend(edges::coverage(plan));
     #[cfg(feature = "shadows")]
     passes.extend(lighting::lighting(plan).into_iter().chain(lighting::smooth_light(plan)));
     passes.extend(objects::hide_objects(plan));
-    passes.extend(composite);
     passes.extend(labels::filter(plan));
     passes.push(labels::label(plan));
     passes.extend(labels::finish(plan));
@@ -78,6 +74,7 @@ pub(super) fn of(plan: &Plan) -> Vec<Pass> {
     passes.extend(labels::present(plan));
     passes.extend(objects::under_objects(plan));
     passes.extend(objects::objects(plan));
+    passes.sort_by_key(|pass| pass.place);
     passes
 }
 
@@ -90,13 +87,13 @@ pub(super) fn request_alike(plan: &mut Plan, kinds: &[Kind], pipelines: &mut Pip
     let can_be_drawn = |kind: &&Kind| kind.overlaps <= plan.overlaps && kind.is_lit <= plan.is_lit;
     let alike = |kind: &Kind| PlannedProp { kind: *kind, smooths, may_be_solid: true, ..drawn.clone() };
     let alike = kinds.iter().filter(can_be_drawn).map(alike).collect();
-    let drawn = std::mem::replace(&mut plan.props, alike);
+    let planned = std::mem::replace(&mut plan.props, alike);
     for pass in of(plan) {
         for program in &pass.programs {
             pipelines.get(cache, &pass, program, plan.target.format);
         }
     }
-    plan.props = drawn;
+    plan.props = planned;
 }
 
 /// Adds the systems of passes that need more than a row.

@@ -17,7 +17,7 @@ use bevy::{prelude::*, render::render_resource::*};
 use crate::{
     gpu::{FieldShape, TreeShape, field_definitions},
     render::{
-        frame::{Blend, CachedResult, Clear, Draw, FirstGroup, Pass, Pipelines, Place, Program, RaySet, Slot},
+        frame::{BOX, Blend, CachedResult, Clear, Draw, FirstGroup, Pass, Pipelines, Place, Program, RaySet, Slot},
         plan::{Feature, Kind, Plan, PlannedProp},
     },
 };
@@ -29,8 +29,7 @@ pub(super) const SOLID_BATCHES: &str = "plenoctree_solid_batches";
 pub(super) const CHECK: &str = "plenoctree_check";
 pub(super) const FILL: &str = "plenoctree_fill";
 
-/// The vertices of a box.
-const BOX: std::ops::Range<u32> = 0..36;
+const VERTICES_OF_BOX: std::ops::Range<u32> = 0..36;
 
 /// The pieces of props that overlap, in drawing order. They match `volume.wgsl`.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -73,10 +72,9 @@ pub(super) fn solid(plan: &Plan, rays: RaySet) -> Vec<Pass> {
         for (index, prop) in plan.props.iter().enumerate().rev().filter(|(_, prop)| prop.may_hide()) {
             let tree = TreeShape::from(prop.kind.shape);
             let program = index_of(&mut trees, tree, || {
-                let program = through(Program::new("solid"), rays, prop.kind.shape);
-                let program = Program { reads: round > 0, ..program };
-                pass.programs
-                    .push(program.define_if(round > 0, "SECOND_ROUND").depth_test(CompareFunction::Greater, true));
+                let program =
+                    through(Program::new("solid"), rays, prop.kind.shape).define_if(round > 0, "SECOND_ROUND");
+                pass.programs.push(program.depth_test(CompareFunction::Greater, true));
             });
             pass.draws.extend(draw(rays, prop, program, index as u32));
         }
@@ -158,20 +156,14 @@ fn marching(name: &'static str, plan: &Plan, rays: RaySet) -> Pass {
 }
 
 /// Returns a program that marches through fields of a shape.
-fn through(program: Program, rays: RaySet, shape: FieldShape) -> Program {
-    let is_box = rays != RaySet::Batches;
-    Program {
-        vertex: if is_box { "box" } else { "batches" },
-        tree: Some(shape.into()),
-        // Each pixel of the box is drawn once, even from inside it.
-        back_faces: is_box,
-        ..program
-    }
+pub(super) fn through(program: Program, rays: RaySet, shape: FieldShape) -> Program {
+    let vertex = if rays == RaySet::Batches { "batches" } else { BOX };
+    Program { vertex, tree: Some(shape.into()), ..program }
 }
 
 /// Returns what draws a prop: its box, or all batches that may have pixels in it.
 fn draw(rays: RaySet, prop: &PlannedProp, program: usize, instance: u32) -> Option<Draw> {
-    let draw = Draw { program, field: Some(prop.field.clone()), vertices: BOX, instance };
+    let draw = Draw { program, field: Some(prop.field.clone()), vertices: VERTICES_OF_BOX, instance };
     if rays == RaySet::Batches { draw.of_batches(prop.batches().1) } else { Some(draw) }
 }
 

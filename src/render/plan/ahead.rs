@@ -9,12 +9,11 @@ use bevy::{
 
 use super::{
     decide::Known,
-    view::{Kind, Plan, Target, drawn_viewport},
+    view::{Kind, Plan, drawn_viewport},
 };
 use crate::{
-    camera::PropPlacement,
     gpu::{FieldShape, GpuField, Level, MAX_PROPS_IN_VIEW},
-    render::extract::{ExtractedProp, ExtractedProps, OrderedProp, VisibleProps},
+    render::extract::{ExtractedProps, OrderedProp, VisibleProps},
 };
 
 /// Sorts the props of every view back to front, and requests their levels.
@@ -54,17 +53,14 @@ pub(in crate::render) fn choose_levels(
 pub(in crate::render) fn look_ahead(known: &Known) -> (Plan, Vec<Kind>) {
     let Known { extracted, fields, visible, .. } = known;
     let props = || visible.props.iter().filter_map(|index| extracted.props.get(*index));
-    let in_scene = known.placement == PropPlacement::Scene;
-    let is_lit = |prop: &ExtractedProp| in_scene && visible.has_lights && prop.lighting.is_some();
     let plan = Plan {
         samples: known.samples,
-        target: Target { format: known.view.target_format, ..default() },
         // Programs of props that overlap no other bind nothing of this.
         overlaps: true,
         posterizes: visible.view_posterize.is_some() || props().any(|prop| prop.posterize.is_some()),
-        is_lit: props().any(is_lit),
-        has_fog: in_scene && visible.has_fog,
-        has_motion: in_scene && visible.has_motion,
+        is_lit: props().any(|prop| known.is_lit(prop)),
+        has_fog: known.has_fog(),
+        has_motion: known.has_motion(),
         ..default()
     };
     let shown: HashSet<_> = extracted.props.iter().map(|prop| prop.field).collect();
@@ -72,7 +68,7 @@ pub(in crate::render) fn look_ahead(known: &Known) -> (Plan, Vec<Kind>) {
         let unseen = || field.level(Level::default()).filter(|_| !shown.contains(&id));
         field.arriving_shape().or_else(|| Some(unseen()?.shape))
     });
-    let looks: HashSet<_> = props().map(|prop| (is_lit(prop), prop.recolor.is_some())).collect();
+    let looks: HashSet<_> = props().map(|prop| (known.is_lit(prop), prop.recolor.is_some())).collect();
     let overlaps = if visible.props.len() > 1 { &[false, true][..] } else { &[false] };
     let mut kinds = vec![];
     for shape in shapes.collect::<HashSet<FieldShape>>() {

@@ -5,7 +5,7 @@ use std::hash::{BuildHasher, Hash, Hasher};
 use super::{
     motion::{Former, FormerProp, Motion},
     overlap::overlaps,
-    view::{Feature, Kind, Plan, PlannedProp, SPACING, Target, batches},
+    view::{Feature, Kind, Plan, PlannedProp, SPACING, Target},
 };
 use crate::{
     camera::PropPlacement,
@@ -15,7 +15,7 @@ use crate::{
     render::{
         colors::PlacedPalette,
         extract::{ExtractedInk, ExtractedPosterize, ExtractedProp, ExtractedProps, OrderedProp, VisibleProps},
-        rays::{Rays, covered, is_orthographic},
+        rays::{Rays, covered, depth_from_distance, is_orthographic},
         uniforms::{FilterUniform, LabelsUniform, PlanValues, PropUniform, Rect, ScreenUniform, Smooths, ViewUniform},
     },
 };
@@ -32,7 +32,7 @@ use bevy::{
     },
 };
 
-/// The largest number of lists of pixels at edges, which take a seventh of a byte per pixel each. A power of two, so that
+/// The largest number of lists of pixels at edges, which take an eighth of a byte per pixel each. A power of two, so that
 /// buffers of them are seldom recreated.
 const MOST_LISTS: u32 = 16;
 
@@ -54,6 +54,24 @@ pub(in crate::render) struct Known<'a> {
     pub last: &'a Plan,
     /// The last frame, if its labels and its depth exist.
     pub former: Option<&'a Former>,
+}
+
+impl Known<'_> {
+    pub fn in_scene(&self) -> bool {
+        self.placement == PropPlacement::Scene
+    }
+
+    pub fn has_fog(&self) -> bool {
+        self.in_scene() && self.visible.has_fog
+    }
+
+    pub fn has_motion(&self) -> bool {
+        self.in_scene() && self.visible.has_motion
+    }
+
+    pub fn is_lit(&self, prop: &ExtractedProp) -> bool {
+        self.in_scene() && self.visible.has_lights && prop.lighting.is_some()
+    }
 }
 
 /// A prop whose rays are known.
@@ -86,11 +104,11 @@ type Owner<'a> = (Option<&'a ExtractedPosterize>, Option<&'a PlacedPalette>, Opt
 /// without it.
 pub(in crate::render) fn decide(known: &Known, missing: &[Feature], held: Option<&Plan>) -> Option<Plan> {
     let Known { extracted, view, camera, visible, viewport, placement, .. } = known;
-    let in_scene = *placement == PropPlacement::Scene;
+    let in_scene = known.in_scene();
     let size = viewport.physical_size;
     // At the display, the effects that jitter is for are over.
     let motion = Motion::new(view, known.jitter.filter(|_| in_scene), known.previous, size);
-    let frame = Frame { known, missing, held, motion: &motion, in_scene };
+    let frame = Frame { known, missing, held, motion: &motion };
     let is_sparse =
         held.map_or(visible.quality.ray_tolerance > 0.0 && frame.has(Feature::Sparse), |held| held.is_sparse);
     let spacing = if is_sparse { SPACING } else { 1 };
@@ -127,7 +145,7 @@ pub(in crate::render) fn decide(known: &Known, missing: &[Feature], held: Option
     let steady = frame.steady(&seen, colors);
     let steadies = held.map_or(!steady.is_empty(), Plan::steadies);
     let mut now = Former::new(&motion, rect, steady);
-    let keeps_labels = known.former.is_some_and(|former| now.follow(former, &motion));
+    let follows_last = known.former.is_some_and(|former| now.follow(former, &motion));
     for (seen, labeling) in seen.iter().zip(&mut labelings) {
         if let (Some(posterize), Some(former)) = (seen.posterize, now.former(seen.prop.entity)) {
             *labeling = labeling.steady(posterize.settings.steadiness, *former);
@@ -146,7 +164,7 @@ pub(in crate::render) fn decide(known: &Known, missing: &[Feature], held: Option
         posterizes_view: view_posterize.is_some(),
         overlaps,
         tonemapping: visible.tonemapping,
-        has_fog: visible.has_fog && in_scene && frame.has(Feature::Fog),
+        has_fog: known.has_fog() && frame.has(Feature::Fog),
         is_lit: lit().next().is_some(),
         is_brightened: lit().any(ExtractedProp::is_brightened),
         has_hard_shadows: visible.has_hard_shadows,
@@ -191,15 +209,11 @@ pub(in crate::render) fn decide(known: &Known, missing: &[Feature], held: Option
         smooths_all_light: pipelines.is_brightened && lit().all(ExtractedProp::is_brightened),
         // How often a held view filters may change, but not whether it does, or whether it does so more than once.
         iterations: if pipelines.iterations > 1 { iterations.max(1) } else { pipelines.iterations },
-        has_motion: visible.has_motion && in_scene && held.is_none_or(|held| held.has_motion),
+        has_motion: known.has_motion() && held.is_none_or(|held| held.has_motion),
         // A posterized view shows nothing but labels.
-        has_objects: known.has_objects
-            && frame.has(Feature::Objects)
-            && !in_scene
-            && view_posterize.is_none()
-            && !props.is_empty(),
+        has_objects: known.has_objects && frame.has(Feature::Objects) && !in_scene && view_posterize.is_none(),
         former: steadies.then_some(now),
-        keeps_labels,
+        follows_last,
         recolors: seen.iter().any(|seen| seen.prop.recolor.is_some_and(|palette| palette.is_changed)),
         props,
         values,
@@ -213,7 +227,6 @@ struct Frame<'a> {
     missing: &'a [Feature],
     held: Option<&'a Plan>,
     motion: &'a Motion,
-    in_scene: bool,
 }
 
 impl<'a> Frame<'a> {
@@ -268,15 +281,14 @@ impl<'a> Frame<'a> {
     /// Decides what is drawn of a prop that covers these pixels of the viewport, of which `rect` is drawn. `found` says
     /// whether it overlaps others, and `overlaps` whether that matters anywhere in the view.
     fn planned(&self, seen: &VisibleProp, covered: &URect, rect: &Rect, found: bool, overlaps: bool) -> PlannedProp {
-        let (held, visible) = (seen.held, self.known.visible);
+        let held = seen.held;
         let in_rect = |corner: UVec2| corner.saturating_sub(rect.low).min(rect.size);
         let is_smooth = seen.posterize.is_some_and(|posterize| posterize.settings.edges == EdgeSmoothing::Coverage)
             && held.map_or(self.has(Feature::Edges), |held| held.smooths != Smooths::Nothing);
-        let is_lit = seen.prop.lighting.is_some() && self.in_scene && visible.has_lights;
         let kind = Kind {
             shape: seen.field.shape,
             overlaps: found && overlaps,
-            is_lit: is_lit && self.has(Feature::Lighting),
+            is_lit: self.known.is_lit(seen.prop) && self.has(Feature::Lighting),
             may_recolor: seen.prop.recolor.is_some(),
         };
         PlannedProp {
@@ -307,8 +319,7 @@ impl<'a> Frame<'a> {
             let mut uniform =
                 PropUniform::new(seen.prop, &seen.rays, rect, previous, quality, seen.posterize, prop.smooths);
             let (first, size) = prop.batches();
-            uniform.first_batch = first.y * batches(rect.size).x + first.x;
-            uniform.batches_across = size.x;
+            (uniform.first_batch, uniform.batches_across) = (first, size.x);
             if prop.smooths != Smooths::Nothing {
                 let next = fields.len() as u32;
                 uniform.field = *fields.entry(prop.field.id()).or_insert(next);
@@ -333,12 +344,11 @@ impl<'a> Frame<'a> {
     /// Returns the uniform of the view, but for what follows from the props.
     fn view_uniform(&self, rect: &Rect, spacing: u32) -> ViewUniform {
         let Known { view, viewport, visible, samples, .. } = self.known;
-        let [z, w] = [view.clip_from_view.z_axis, view.clip_from_view.w_axis];
         let clip_from_view = self.motion.clip_from_view;
         ViewUniform {
             corner: viewport.physical_position + rect.low,
             size: rect.size,
-            depth: Vec4::new(z.z, w.z, z.w, w.w),
+            depth: depth_from_distance(view.clip_from_view),
             spacing,
             ray_tolerance: visible.quality.ray_tolerance,
             stop_transmittance: visible.quality.stop_transmittance,

@@ -75,8 +75,8 @@ pub(in crate::render) struct Plan {
     pub recolors: bool,
     /// This frame, if the next one may keep its labels.
     pub former: Option<Former>,
-    /// Whether any pixel may keep the label that it had in the former frame.
-    pub keeps_labels: bool,
+    /// Whether the last frame becomes the former one, whose labels pixels may keep.
+    pub follows_last: bool,
     pub has_motion: bool,
     pub stages: Vec<Handle<Shader>>,
     /// Whether transparent objects are drawn over props at the display.

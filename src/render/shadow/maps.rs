@@ -25,6 +25,7 @@ use crate::{
     render::{
         extract::{ExtractedProps, VisibleProps},
         frame::{Access, FirstGroup, Pass, Pipelines, Place, Program, PropView, Slot, TILE_FORMAT, bind},
+        rays::depth_from_distance,
         uniforms::{PropUniform, ViewUniform},
     },
 };
@@ -144,8 +145,7 @@ pub(super) fn prepare_maps(
         if drawn.is_empty() {
             continue;
         }
-        let [z, w] = [view.clip_from_view.z_axis, view.clip_from_view.w_axis];
-        let depth = Vec4::new(z.z, w.z, z.w, w.w);
+        let depth = depth_from_distance(view.clip_from_view);
         let uniform = ViewUniform { size, depth, spacing: 1, ..default() };
         of_view.set(&device, &queue, "plenoctree_map", BufferUsages::UNIFORM, &uniform);
         props.set(&device, &queue, "plenoctree_map_props", BufferUsages::STORAGE, uniforms);
@@ -161,7 +161,8 @@ fn waiting_props(extracted: &ExtractedProps, views: &Query<(&VisibleProps, &Prop
     let mut props: EntityHashSet =
         ordered.filter_map(|ordered| Some(extracted.props.get(ordered.index)?.entity)).collect();
     if !props.is_empty() {
-        views.iter().flat_map(|(_, view)| view.drawn_props()).for_each(|drawn| _ = props.remove(&drawn));
+        let drawn = views.iter().flat_map(|(_, view)| view.plan.drawn_props());
+        drawn.for_each(|drawn| _ = props.remove(&drawn.entity));
     }
     props
 }

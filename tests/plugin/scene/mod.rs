@@ -7,6 +7,7 @@
 mod cached;
 mod cameras;
 mod depth;
+mod effects;
 mod life;
 mod memory;
 mod motion;

@@ -93,13 +93,13 @@ fn run(
 }
 
 /// A cube, as a prop or as a mesh, and a camera. Frames show motion and depth, or colors.
-struct View {
-    stage: Stage,
+pub struct View {
+    pub stage: Stage,
     cube: Entity,
 }
 
 impl View {
-    fn new(is_prop: bool, shows_motion: bool) -> Self {
+    pub fn new(is_prop: bool, shows_motion: bool) -> Self {
         let mut stage = Stage::with(UVec2::splat(SIZE), |app| {
             app.add_plugins((LitMeshPlugins, AntiAliasPlugin));
             if shows_motion {
@@ -121,7 +121,7 @@ impl View {
     }
 
     /// Places the cube and the camera, and returns the next frame.
-    fn capture(&mut self, cube: Transform, camera: Transform) -> RgbaImage {
+    pub fn capture(&mut self, cube: Transform, camera: Transform) -> RgbaImage {
         self.stage.insert(self.cube, cube);
         self.stage.set(camera);
         self.stage.capture()

@@ -141,6 +141,24 @@ fn removing_posterize_restores_the_view() {
     assert!(scene.capture() == before);
 }
 
+/// A view draws on without props. What was behind one that is gone is seen again.
+#[test]
+fn a_prop_that_is_hidden_hides_nothing() {
+    let mut scene = scene_with_meshes(SOLID);
+    let field = scene.field();
+    scene.set_background(SKY);
+    scene.set((PosterizeView(field), hard()));
+    scene.dress(Visibility::Hidden);
+    // Bevy draws transparent meshes after props.
+    spawn_square(&mut scene, Vec3::new(0.0, 0.0, -2.0), 3.0, unlit(STRAW.with_alpha(0.9)));
+    let without = scene.capture();
+    scene.dress(Visibility::Visible);
+    let with = scene.capture();
+    assert!(middle(&with) != middle(&without));
+    scene.dress(Visibility::Hidden);
+    assert!(scene.capture() == without);
+}
+
 #[test]
 fn only_the_viewport_is_posterized() {
     let mut scene = without_a_prop();

@@ -14,8 +14,7 @@ pub fn svg(palette: &Palette) -> String {
          {height}\" font-family=\"sans-serif\" font-size=\"9\" text-anchor=\"middle\" fill=\"#808088\">\n"
     );
     for (index, color) in palette.colors.iter().enumerate() {
-        let (code, left, share) = (hex::format(hex::quantize(*color)), SMALL * index, palette.weights.get(index));
-        let share = 100.0 * share.copied().unwrap_or(0.0);
+        let (code, left, share) = (hex::format(hex::quantize(*color)), SMALL * index, 100.0 * palette.share(index));
         let middle = left + SMALL / 2;
         svg += &format!(
             "<rect x=\"{left}\" width=\"{SMALL}\" height=\"{SMALL}\" fill=\"{code}\"/>\n<text x=\"{middle}\" \

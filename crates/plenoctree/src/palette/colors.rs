@@ -221,6 +221,16 @@ impl Palette {
         Ok(self.validate_ramps()?)
     }
 
+    /// Returns the share of a color in the weight of all, from 0 to 1. Without any weight, all shares are the same.
+    pub fn share(&self, index: usize) -> f64 {
+        let total: f64 = self.weights.iter().sum();
+        if total > 0.0 {
+            self.weights.get(index).map_or(0.0, |weight| weight / total)
+        } else {
+            (self.colors.len() as f64).recip()
+        }
+    }
+
     /// Checks that the ramps fit the colors, whatever else of the palette is valid.
     ///
     /// # Errors
@@ -302,6 +312,15 @@ mod tests {
 
     fn parse(text: &str) -> Result<Palette, String> {
         Palette::from_json(text.as_bytes(), Path::new("x.json")).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn shares_add_up() {
+        for (weights, expected) in [([3.0, 1.0], [0.75, 0.25]), ([0.0, 0.0], [0.5, 0.5])] {
+            let mut palette = Palette::new(vec![[0.1; 3], [0.9; 3]]).unwrap();
+            palette.weights = weights.into();
+            assert_eq!([0, 1].map(|index| palette.share(index)), expected);
+        }
     }
 
     proptest! {

@@ -32,8 +32,8 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 3_000_000,
         value_parser = clap::value_parser!(u32).range(32_768..=20_000_000))]
     pub leaves: u32,
-    /// Instead of a number of leaves: as many as it takes to look this much like the capture, in decibels of PSNR: the
-    /// mean over pictures from the distance --near, over white, before refining.
+    /// Instead of a number of leaves: as many as it takes, up to 8000000, to look this much like the capture, in decibels
+    /// of PSNR: the mean over pictures from the distance --near, over white, before refining.
     #[arg(long, value_name = "DB", value_parser = parse_positive, conflicts_with = "leaves")]
     pub quality: Option<f64>,
     /// The distance from the middle of the box from which the field must look right, in the capture's units. By

@@ -5,7 +5,6 @@ pub mod cpu;
 mod extracted;
 #[cfg(feature = "bevy")]
 mod gpu;
-pub mod histograms;
 
 pub use arguments::{ExtractionArguments, Sampling};
 pub use extracted::Extracted;
@@ -34,7 +33,7 @@ pub fn extract(
     let extracted = sample_and_extract(field, &settings, sampling, quiet)
         .map_err(|error| format!("{}: {error}", path.display()))?;
     if let Some(path) = &arguments.histograms {
-        histograms::write(&extracted.histograms, &settings.sampling, path)?;
+        extracted.histograms.write(path).map_err(|error| format!("{}: {error}", path.display()))?;
     }
     warn_of_error(path, &settings, &extracted.extraction);
     Ok(extracted)

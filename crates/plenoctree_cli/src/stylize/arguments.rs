@@ -140,7 +140,9 @@ impl Arguments {
         // The palette is not written if it is there already.
         let palette: Vec<&Path> = self.palette.as_deref().into_iter().collect();
         files::check_folder(&self.out, &palette, |name| name != output::PALETTE && output::writes(name))?;
-        histograms.into_iter().try_for_each(|path| files::check_outputs(&[path], &inputs))
+        let outputs = output::single(&self.out, self.palette.as_deref());
+        let outputs: Vec<&Path> = outputs.iter().map(PathBuf::as_path).chain(histograms).collect();
+        files::check_outputs(&outputs, &inputs)
     }
 
     /// Returns the shown colors with the recolorings from the command line, or `None` if nothing is recolored, neither

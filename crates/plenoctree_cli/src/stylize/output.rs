@@ -1,6 +1,6 @@
 //! Writes the images and the palette.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use image::RgbImage;
 use plenoctree::palette::Palette;
@@ -20,9 +20,18 @@ pub fn write_frame(images: &[(&str, RgbImage)], index: usize, folder: &Path) -> 
 /// The name of the palette.
 pub const PALETTE: &str = "palette.json";
 
+/// The names of the files that no view has one of.
+const SINGLE: [&str; 3] = [PALETTE, "palette.png", "report.json"];
+
 /// Returns whether a file of this name may be written.
 pub fn writes(name: &str) -> bool {
-    [PALETTE, "palette.png", "report.json"].contains(&name) || is_of_frame(name)
+    SINGLE.contains(&name) || is_of_frame(name)
+}
+
+/// Returns the paths of the files that no view has one of, but for a palette that was read from there.
+pub fn single(folder: &Path, read_from: Option<&Path>) -> Vec<PathBuf> {
+    let paths = SINGLE.map(|name| folder.join(name));
+    paths.into_iter().filter(|path| !read_from.is_some_and(|from| files::is_same(from, path))).collect()
 }
 
 /// Returns whether this is a name of an image of a view.

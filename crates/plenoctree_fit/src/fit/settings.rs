@@ -46,8 +46,8 @@ pub struct FitSettings {
     /// A file to which a checkpoint is written every minute and when training ends. It is there until you remove it, so
     /// that nothing is lost if the field cannot be saved. If it cannot be written, the fit goes on.
     pub checkpoint: Option<PathBuf>,
-    /// Resume from the checkpoint if there is one. The field is then as good as if the fit had not been interrupted,
-    /// but not identical.
+    /// Resume from the checkpoint if there is one, with its random numbers instead of those of `seed`. The field is then
+    /// as good as if the fit had not been interrupted, but not identical.
     pub resume: bool,
     /// Turn the field so that the mean up direction of the cameras is its z axis, and place it on the origin. That
     /// direction follows from the EXIF orientation of the pictures or, without it, from how their cameras are turned.
