@@ -246,12 +246,14 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         discard;
     }
     var behind = center;
-    if !parts.is_center && around.is_known {
-        behind = around.behind;
-    } else if !parts.is_center && is_slit {
-        let color = scene_at(pixel);
-        let bare = vec4(decode(color), 0.0);
-        behind = Behind(bare, bare, color);
+    if !parts.is_center {
+        if around.is_known {
+            behind = around.behind;
+        } else if is_slit {
+            let color = scene_at(pixel);
+            let bare = vec4(decode(color), 0.0);
+            behind = Behind(bare, bare, color);
+        }
     }
     // What parts of props show, and how much what is behind them and the center count.
     var at_center = behind.shown;

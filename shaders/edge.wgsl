@@ -91,8 +91,8 @@ struct Parts {
     written: u32,
 }
 
-// Returns the parts of a pixel from the results of the outline pass and of the coverage pass. With TARGET_SAMPLES, the target
-// has the samples of the scene, and those in front of the owners keep their color.
+// Returns the parts of a pixel from the results of the outline pass and of the coverage pass. With TARGET_SAMPLES, the
+// target has the samples of the scene, and those in front of the owners keep their color.
 fn parts_of(owners: vec2<u32>, bits: vec4<u32>) -> Parts {
     // If the pixel has no owner, its center stands for everything that the other one does not cover.
     let has_own = owners.x > 0u;

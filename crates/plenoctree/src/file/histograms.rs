@@ -1,18 +1,12 @@
-//! Reads and writes histograms as `.npz` files.
+//! Reads histograms from `.npz` files.
 
-#[cfg(feature = "write")]
-use std::io::BufWriter;
 use std::{fs::File, io::BufReader, path::Path};
 
-#[cfg(feature = "write")]
-use super::write::{self, WriteError};
 use super::{
     error::{ReadError, ReadFault},
     npz::Archive,
 };
 use crate::histograms::Histograms;
-#[cfg(feature = "write")]
-use crate::save::replace_file;
 
 impl Histograms {
     /// Reads histograms from the arrays `fine` and `coarse` of an `.npz` file: cubes of weights in float64, with the same
@@ -41,23 +35,6 @@ impl Histograms {
                 fault => fault,
             };
             ReadError::new(&path.display().to_string(), fault)
-        })
-    }
-
-    /// Writes the arrays that [`Self::read`] reads to a deflated `.npz` file. Replaces an existing file.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error if writing fails, or if so many weights are the same that readers would reject the file. An
-    /// existing file is then unchanged.
-    #[cfg(feature = "write")]
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), WriteError> {
-        replace_file(path.as_ref(), |file| {
-            let mut archive = write::Archive::new(BufWriter::new(file));
-            for (key, bins) in [("fine", &self.fine), ("coarse", &self.coarse)] {
-                archive.array(key, &[bins.per_channel as u64; 3], bins.weights.iter().copied())?;
-            }
-            archive.finish(8 * (self.fine.weights.len() + self.coarse.weights.len()) as u64)
         })
     }
 }

@@ -1,4 +1,4 @@
-//! Writes a PlenOctree in svox's layout.
+//! Writes `.npz` files: PlenOctrees in svox's layout, and histograms.
 
 use std::io::{self, BufWriter, Seek, Write};
 use std::mem::ManuallyDrop;
@@ -16,6 +16,7 @@ use super::{
 };
 use crate::{
     field::{Frame, PlenOctree},
+    histograms::Histograms,
     save::replace_file,
 };
 
@@ -130,6 +131,24 @@ impl PlenOctree {
             data.push(&density)?;
         }
         Ok(())
+    }
+}
+
+impl Histograms {
+    /// Writes the arrays that [`Self::read`] reads to a deflated `.npz` file. Replaces an existing file.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if writing fails, or if so many weights are the same that readers would reject the file. An
+    /// existing file is then unchanged.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), WriteError> {
+        replace_file(path.as_ref(), |file| {
+            let mut archive = Archive::new(BufWriter::new(file));
+            for (key, bins) in [("fine", &self.fine), ("coarse", &self.coarse)] {
+                archive.array(key, &[bins.per_channel as u64; 3], bins.weights.iter().copied())?;
+            }
+            archive.finish(8 * (self.fine.weights.len() + self.coarse.weights.len()) as u64)
+        })
     }
 }
 

@@ -94,11 +94,7 @@ impl Bins {
 
     /// Returns the share of each bin in the weight of all bins, even if that is beyond the range of float64.
     pub fn shares(&self) -> impl Iterator<Item = f64> {
-        let total = |scale: f64| self.weights.iter().map(|weight| scale * weight).sum::<f64>();
-        // A power of two changes no digits.
-        let scale = if total(1.0).is_finite() { 1.0 } else { (-64f64).exp2() };
-        let total = total(scale);
-        self.weights.iter().map(move |weight| scale * weight / total)
+        shares(&self.weights)
     }
 
     /// Returns the color at the center of a bin.
@@ -106,6 +102,16 @@ impl Bins {
         let n = self.per_channel;
         [bin / (n * n), bin / n % n, bin % n].map(|i| (i as f64 + 0.5) / n as f64)
     }
+}
+
+/// Returns the share of each weight in all of them, even if their sum is beyond the range of float64. Without any weight,
+/// shares are NaN.
+pub(crate) fn shares(weights: &[f64]) -> impl Iterator<Item = f64> {
+    let total = |scale: f64| weights.iter().map(|weight| scale * weight).sum::<f64>();
+    // A power of two changes no digits.
+    let scale = if total(1.0).is_finite() { 1.0 } else { (-64f64).exp2() };
+    let total = total(scale);
+    weights.iter().map(move |weight| scale * weight / total)
 }
 
 /// Histograms being filled.

@@ -4,7 +4,7 @@ mod histogram;
 mod recorded;
 mod settings;
 
-pub(crate) use histogram::{Bins, Tally};
+pub(crate) use histogram::{Bins, Tally, shares};
 pub use histogram::{Histograms, InvalidHistogram, MAX_CHANNEL};
 pub(crate) use recorded::Recorded;
 pub use settings::{InvalidSetting, ObserverRegion, SamplingSettings};

@@ -11,7 +11,7 @@ use super::{
     method::PaletteMethod,
     ramp::{self, InvalidRamps, Ramp},
 };
-use crate::save::replace_file;
+use crate::{histograms::shares, save::replace_file};
 
 /// A few colors that represent everything visible in a field, the heaviest first.
 ///
@@ -223,12 +223,10 @@ impl Palette {
 
     /// Returns the share of a color in the weight of all, from 0 to 1. Without any weight, all shares are the same.
     pub fn share(&self, index: usize) -> f64 {
-        let total: f64 = self.weights.iter().sum();
-        if total > 0.0 {
-            self.weights.get(index).map_or(0.0, |weight| weight / total)
-        } else {
-            (self.colors.len() as f64).recip()
+        if self.weights.iter().all(|weight| *weight == 0.0) {
+            return (self.colors.len() as f64).recip();
         }
+        shares(&self.weights).nth(index).unwrap_or(0.0)
     }
 
     /// Checks that the ramps fit the colors, whatever else of the palette is valid.
@@ -316,7 +314,9 @@ mod tests {
 
     #[test]
     fn shares_add_up() {
-        for (weights, expected) in [([3.0, 1.0], [0.75, 0.25]), ([0.0, 0.0], [0.5, 0.5])] {
+        for (weights, expected) in
+            [([3.0, 1.0], [0.75, 0.25]), ([1.5e308, 1.5e308], [0.5, 0.5]), ([0.0, 0.0], [0.5, 0.5])]
+        {
             let mut palette = Palette::new(vec![[0.1; 3], [0.9; 3]]).unwrap();
             palette.weights = weights.into();
             assert_eq!([0, 1].map(|index| palette.share(index)), expected);
